@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test test-all coverage lint types bench study study-faults study-coverage study-table docs clean
+.PHONY: help demo test test-all coverage lint types bench bench-long study study-faults study-coverage study-table docs clean
 
 help:
 	@echo "make demo   simulate and process a survey of two lanes of Belgian block: demo/report.html"
@@ -14,6 +14,7 @@ help:
 	@echo "make lint   check style, formatting, import contracts and words"
 	@echo "make types  check static types"
 	@echo "make bench  measure speed and memory, and those of the peer, in the same run"
+	@echo "make bench-long  the same for an hour of recording (needs 15 GB of disk, half an hour)"
 	@echo "make study  compare reductions of the ground by the response of vehicles (minutes)"
 	@echo "make study-faults    inject faults into a profiler and run the accuracy tests on it"
 	@echo "make study-coverage  measure the coverage of the intervals of the accuracy tests"
@@ -60,6 +61,9 @@ types: $(INSTALLED)
 
 bench: $(INSTALLED)
 	$(BIN)/python benchmarks
+
+bench-long: $(INSTALLED)
+	$(BIN)/python benchmarks/bench_survey.py --long
 
 study: $(INSTALLED)
 	$(BIN)/python studies/response

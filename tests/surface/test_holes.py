@@ -100,15 +100,27 @@ def test_holes_are_those_that_scipy_labels(seed, turned):
     assert count > 10
 
 
-def test_holes_filled_in_batches_have_the_same_heights(monkeypatch):
+@pytest.mark.parametrize("nodes", [1, 37, 700])
+def test_holes_have_the_same_heights_in_blocks_of_any_size(monkeypatch, nodes):
     rng = np.random.default_rng(5)
-    surface = plane()
-    rough = with_holes(surface, rng.random(surface.height.shape) < 0.2)
+    rough = with_holes(plane(), rng.random(plane().height.shape) < 0.3)
+    rough.height.values[6:14, 5] = np.nan  # a hole over many blocks
     together, report = fill_holes(rough, HoleSettings(largest=0.5))
-    monkeypatch.setattr("trueterrain.surface.holes._MAX_BATCH", 7)
-    apart, _ = fill_holes(rough, HoleSettings(largest=0.5))
-    npt.assert_allclose(apart.height, together.height, rtol=0, atol=EXACT)
-    assert report["filled_holes"] > 20
+    monkeypatch.setattr("trueterrain.core.row_blocks._NODES", nodes)
+    apart, same = fill_holes(rough, HoleSettings(largest=0.5))
+    assert apart.identical(together)
+    assert same == report
+    assert report["filled_holes"] > 10
+    assert report["open_holes"] > 0
+
+
+def test_large_holes_solved_as_sparse_systems_have_the_same_heights(monkeypatch):
+    rng = np.random.default_rng(5)
+    rough = with_holes(plane(), rng.random(plane().height.shape) < 0.2)
+    banded, _ = fill_holes(rough, HoleSettings(largest=0.5))
+    monkeypatch.setattr("trueterrain.surface.holes._MAX_BANDED", 0)
+    sparse, _ = fill_holes(rough, HoleSettings(largest=0.5))
+    npt.assert_allclose(sparse.height, banded.height, rtol=0, atol=EXACT)
 
 
 def test_holes_are_filled_in_place_if_that_is_wanted():

@@ -1,4 +1,4 @@
-"""Loops over nodes without height and over the poses of scans; callers check the arguments."""
+"""Loops over nodes without height, coarser grids, and poses of scans; callers check arguments."""
 
 import math
 
@@ -216,3 +216,198 @@ def scan_reach(
         # a strip covers half of the rows of both its nodes
         low[n] = min(max(first - 1 - margin, 0), rows - 1)
         high[n] = max(min(last + margin, rows - 1), 0)
+
+
+@compile_kernel
+def solve_holes(
+    height: Floats,
+    runs: npt.NDArray[np.int32],
+    starts: Integers,
+    weights: Floats,
+    max_cost: float,
+    filled: npt.NDArray[np.bool_],
+) -> npt.NDArray[np.bool_]:
+    """Heights of holes by the discrete Laplace equation, hole by hole.
+
+    The five-point stencil, sum of (neighbour - node) / step² = 0, is symmetric and positive
+    definite between known heights. With nodes row by row it has a narrow band, so that Cholesky's
+    decomposition of a small hole takes microseconds.
+
+    height : input and output, shape (row, column) [m]
+    runs : row, first and one past the last column of the runs of each hole, shape (run, 3)
+    starts : first run of each hole and the end, shape (hole + 1,)
+    weights : 1 / step² along rows and columns, shape (2,) [1/m²]
+    max_cost : largest number of operations for a hole
+    filled : output, marks of the nodes that were filled, shape (row, column)
+    returns which holes are left since they cost more, shape (hole,)
+    """
+    left = np.zeros(starts.size - 1, np.bool_)
+    by_row, by_column = weights
+    for h in range(left.size):
+        own = runs[starts[h] : starts[h + 1]]
+        first, begin = own[0, 0], own[:, 1].min()
+        width = own[:, 2].max() - begin
+        index = np.full((own[-1, 0] - first + 1, width), -1)
+        count, band = 0, 1
+        for k in range(own.shape[0]):
+            i = own[k, 0] - first
+            for j in range(own[k, 1] - begin, own[k, 2] - begin):
+                index[i, j] = count
+                if i > 0 and index[i - 1, j] >= 0:
+                    band = max(band, count - index[i - 1, j])
+                count += 1
+        if float(count) * band * band > max_cost:
+            left[h] = True
+            continue
+        # column d of a row is the entry d to the left of the diagonal
+        matrix = np.zeros((count, band + 1))
+        value = np.zeros(count)
+        for k in range(own.shape[0]):
+            row, i = own[k, 0], own[k, 0] - first
+            for column in range(own[k, 1], own[k, 2]):
+                j = column - begin
+                n = index[i, j]
+                matrix[n, 0] = 2 * (by_row + by_column)
+                if i > 0 and index[i - 1, j] >= 0:
+                    matrix[n, n - index[i - 1, j]] -= by_row
+                else:
+                    value[n] += by_row * height[row - 1, column]
+                if i + 1 == index.shape[0] or index[i + 1, j] < 0:
+                    value[n] += by_row * height[row + 1, column]
+                if j > 0 and index[i, j - 1] >= 0:
+                    matrix[n, 1] -= by_column
+                else:
+                    value[n] += by_column * height[row, column - 1]
+                if j + 1 == width or index[i, j + 1] < 0:
+                    value[n] += by_column * height[row, column + 1]
+        _solve_banded(matrix, value)
+        for k in range(own.shape[0]):
+            for column in range(own[k, 1], own[k, 2]):
+                height[own[k, 0], column] = value[index[own[k, 0] - first, column - begin]]
+                filled[own[k, 0], column] = True
+    return left
+
+
+@compile_kernel
+def _solve_banded(matrix: Floats, value: Floats) -> None:
+    """Solve a symmetric positive definite banded system in place, by Cholesky's decomposition.
+
+    matrix : entries to the left of the diagonal, shape (row, band + 1); becomes the factor
+    value : right side, becomes the solution, shape (row,)
+    """
+    count, band = matrix.shape[0], matrix.shape[1] - 1
+    for n in range(count):
+        for d in range(min(band, n), -1, -1):
+            m = n - d
+            total = matrix[n, d]
+            for e in range(1, min(band - d, m) + 1):
+                total -= matrix[n, d + e] * matrix[m, e]
+            matrix[n, d] = np.sqrt(total) if d == 0 else total / matrix[m, 0]
+    for n in range(count):
+        for d in range(1, min(band, n) + 1):
+            value[n] -= matrix[n, d] * value[n - d]
+        value[n] /= matrix[n, 0]
+    for n in range(count - 1, -1, -1):
+        value[n] /= matrix[n, 0]
+        for d in range(1, min(band, n) + 1):
+            value[n - d] -= matrix[n, d] * value[n]
+
+
+@compile_kernel
+def gather_nodes(
+    values: Floats,
+    known: npt.NDArray[np.bool_],
+    rows: Integers,
+    row_reach: Integers,
+    step: int,
+    total: Floats,
+    weight: Floats,
+) -> None:
+    """Weighted sums of the nodes around every n-th node.
+
+    A node midway between two coarse nodes counts by half to both. A coarse node at the edge of the
+    grid takes its own row or column alone: a mean over one side would be biased on a slope.
+
+    values, known : fine nodes and which of them count, shape (row, column)
+    rows : fine row of each coarse row, shape (coarse row,)
+    row_reach : fine rows to either side that it takes, negative if the last have half the weight,
+        shape (coarse row,)
+    step : fine columns from one coarse column to the next
+    total : output, sums of the values, shape (coarse row, coarse column)
+    weight : output, sums of the weights, of the same shape
+    """
+    last = values.shape[1] - 1
+    half = step // 2
+    for i in range(total.shape[0]):
+        reach = abs(row_reach[i])
+        for j in range(total.shape[1]):
+            column = j * step
+            across = 0 if column < half or column + half > last else half
+            found, sum_of_weights = 0.0, 0.0
+            for a in range(-reach, reach + 1):
+                row_weight = 0.5 if row_reach[i] < 0 and abs(a) == reach else 1.0
+                for b in range(-across, across + 1):
+                    if not known[rows[i] + a, column + b]:
+                        continue
+                    w = row_weight
+                    if step % 2 == 0 and across > 0 and abs(b) == across:
+                        w *= 0.5
+                    found += w * values[rows[i] + a, column + b]
+                    sum_of_weights += w
+            total[i, j] = found
+            weight[i, j] = sum_of_weights
+
+
+@compile_kernel
+def coarsening_moments(
+    height: Floats,
+    place: Integers,
+    fraction: Floats,
+    columns: Integers,
+    column_fraction: Floats,
+    coarse: Floats,
+    u: Floats,
+    v: Floats,
+    datum: float,
+    sums: Floats,
+) -> None:
+    """Sums over the errors of a coarse surface, and over the heights about a plane.
+
+    The coarse surface is bilinear between its nodes; a corner without weight does not count.
+
+    height : fine heights, shape (row, column) [m]
+    place, columns : coarse row or column before each fine one, shapes (row,) and (column,)
+    fraction, column_fraction : distance from it [coarse steps]
+    coarse : coarse heights, shape (coarse row, coarse column) [m]
+    u, v : coordinates of the fine nodes, shapes (row,) and (column,) [m]
+    datum : height from which heights are counted [m]
+    sums : input and output, shape (12,): number of nodes; sums of u, v, h, u², uv, v², uh, vh, h²;
+        sum of the squared errors; largest error
+    """
+    for i in range(height.shape[0]):
+        k, s = place[i], fraction[i]
+        for j in range(height.shape[1]):
+            m, t = columns[j], column_fraction[j]
+            between = (1 - s) * (1 - t) * coarse[k, m]
+            if t > 0:
+                between += (1 - s) * t * coarse[k, m + 1]
+            if s > 0:
+                between += s * (1 - t) * coarse[k + 1, m]
+            if s > 0 and t > 0:
+                between += s * t * coarse[k + 1, m + 1]
+            error = between - height[i, j]
+            if not np.isfinite(error):
+                continue
+            h = height[i, j] - datum
+            sums[0] += 1.0
+            sums[1] += u[i]
+            sums[2] += v[j]
+            sums[3] += h
+            sums[4] += u[i] * u[i]
+            sums[5] += u[i] * v[j]
+            sums[6] += v[j] * v[j]
+            sums[7] += u[i] * h
+            sums[8] += v[j] * h
+            sums[9] += h * h
+            sums[10] += error * error
+            sums[11] = max(sums[11], abs(error))

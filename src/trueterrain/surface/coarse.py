@@ -5,7 +5,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from scipy.interpolate import RegularGridInterpolator
+
+from trueterrain.core.row_blocks import height_blocks, load_heights, load_rows, row_blocks
+from trueterrain.surface import _kernels
 
 Floats = npt.NDArray[np.float64]
 
@@ -13,9 +15,10 @@ Floats = npt.NDArray[np.float64]
 def down_sample(
     surface: xr.Dataset, factor: tuple[int, int]
 ) -> tuple[xr.Dataset, dict[str, float]]:
-    """Keep every n-th node of a surface, each the mean of the nodes around it.
+    """Keep every n-th node of a surface, each the mean of the nodes around it; report the loss.
 
-    Smooth terrain needs fewer nodes; the report says what is error_variance.
+    Smooth terrain needs fewer nodes; the report says how much of its content they lose. A surface
+    on disk is read block by block, twice.
 
     Parameters
     ----------
@@ -27,9 +30,7 @@ def down_sample(
     Returns
     -------
     surface : xarray.Dataset
-        Nodes 0, factor, 2 factor, ...; a height is the mean of the nodes nearer to it than to the
-        next one, those midway with half the weight. ``count`` is summed likewise; ``sd`` is that
-        of the mean for fully correlated errors of neighbours, an upper bound.
+        As by `coarsen_surface`.
     report : dict
         Loss of content at all nodes that had a height: ``rms`` and ``largest`` difference of the
         coarse surface, bilinear between its nodes [m]; ``kept``: fraction of the variance about
@@ -49,89 +50,167 @@ def down_sample(
     >>> coarse.height.values[0], report["rms"]
     (array([0., 2., 4.]), 0.0)
     """
-    first, second = factor
+    coarse = coarsen_surface(surface, factor)
+    return coarse, _coarsening_loss(surface, coarse, factor)
+
+
+def coarsen_surface(surface: xr.Dataset, factor: tuple[int, int]) -> xr.Dataset:
+    """Keep every n-th node of a surface, each the mean of the nodes around it.
+
+    Use it for overviews, where the loss of content does not matter; else `down_sample`. A surface
+    on disk is read block by block.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface along a reference line, or map.
+    factor : tuple of int
+        Nodes that become one, along the first and along the second dimension of the height.
+
+    Returns
+    -------
+    xarray.Dataset
+        Nodes 0, factor, 2 factor, ... in memory; a height is the mean of the nodes nearer to it
+        than to the next one, those midway with half the weight. ``count`` is summed likewise;
+        ``sd`` is that of the mean for fully correlated errors of neighbours, an upper bound.
+
+    Raises
+    ------
+    ValueError
+        If a factor is less than 1, or leaves fewer than 2 nodes.
+
+    Examples
+    --------
+    >>> from trueterrain.core.schemas import make_surface
+    >>> ramp = make_surface(np.arange(15.0).reshape(3, 5), easting=np.arange(5),
+    ...                     northing=np.arange(3))
+    >>> coarsen_surface(ramp, (2, 2)).height.values
+    array([[ 0.,  2.,  4.],
+           [10., 12., 14.]])
+    """
     if min(factor) < 1:
         message = f"factor must be at least 1 along both axes, got {factor}."
         raise ValueError(message)
     dims = surface["height"].dims
-    kept = {dim: slice(None, None, by) for dim, by in zip(dims, factor, strict=True)}
-    coarse = surface.isel(kept)
-    if min(coarse.sizes[dim] for dim in dims) < 2:
+    fine_shape = surface["height"].shape
+    shape = tuple(-(-size // by) for size, by in zip(fine_shape, factor, strict=True))
+    if min(shape) < 2:
         message = f"factor must leave at least 2 nodes along both axes, got {factor}."
         raise ValueError(message)
-    fine = np.asarray(surface["height"], dtype=np.float64)
-    seen = np.isfinite(fine)
-    weight = _gather_sums(seen.astype(np.float64), factor)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        height = _gather_sums(np.where(seen, fine, 0.0), factor) / weight
-    # a node without height gets none from its neighbours
-    height = np.where(seen[::first, ::second], height, np.nan)
-    cells: dict[str, Any] = {"height": coarse["height"].copy(data=height)}
+    deviations = [name for name in ("sd", "sd_relative") if name in surface]
+    cells: dict[str, Any] = {"height": np.empty(shape)}
     if "count" in surface:
-        total = _gather_sums(np.asarray(surface["count"], dtype=np.float64), factor)
-        cells["count"] = coarse["count"].copy(data=np.rint(total).astype(np.int64))
-    for name in ("sd", "sd_relative"):
-        if name not in surface:
-            continue
-        known = np.asarray(surface[name], dtype=np.float64)
-        has = seen & np.isfinite(known)
+        cells["count"] = np.empty(shape, np.int64)
+    cells |= {name: np.empty(shape) for name in deviations}
+    for rows in row_blocks((shape[0], fine_shape[1] * factor[0])):
+        around = _FineRows(rows, factor, fine_shape)
+        fine = load_heights(surface, around.rows)
+        seen = np.isfinite(fine)
+        height = around.mean(fine, seen)
+        # a node without height gets none from its neighbours
+        here = around.at_nodes(seen)
+        cells["height"][rows] = np.where(here, height, np.nan)
+        if "count" in surface:
+            count = np.asarray(load_rows(surface, "count", around.rows), dtype=np.float64)
+            total, _ = around.sums(count, np.ones_like(seen))
+            cells["count"][rows] = np.rint(total)
+        for name in deviations:
+            known = np.asarray(load_rows(surface, name, around.rows), dtype=np.float64)
+            sd = around.mean(known, seen & np.isfinite(known))
+            cells[name][rows] = np.where(here, sd, np.nan)
+    # variables of nodes are replaced or, like marks of filled nodes, thinned out
+    kept = {dim: slice(None, None, by) for dim, by in zip(dims, factor, strict=True)}
+    others = surface.drop_vars(list(cells)).isel(kept).load()
+    return others.assign(
+        {name: (dims, values, surface[name].attrs) for name, values in cells.items()}
+    )[[*surface.data_vars]].assign_attrs(surface.attrs)
+
+
+class _FineRows:
+    """Fine rows around some coarse ones."""
+
+    def __init__(self, coarse: slice, factor: tuple[int, int], shape: tuple[int, ...]) -> None:
+        by, self._step = factor
+        at = np.arange(coarse.start, coarse.stop) * by
+        reach = np.full(at.size, by // 2)
+        reach[(at < by // 2) | (at + by // 2 > shape[0] - 1)] = 0
+        first = int((at - reach).min())
+        self.rows = slice(first, int((at + reach).max()) + 1)
+        self._at = at - first
+        self._reach = np.where(by % 2 == 0, -reach, reach)
+        self._shape = at.size, -(-shape[1] // self._step)
+
+    def sums(self, values: Floats, known: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
+        """Sums of values and of their weights around each coarse node."""
+        total, weight = np.empty(self._shape), np.empty(self._shape)
+        _kernels.gather_nodes(values, known, self._at, self._reach, self._step, total, weight)
+        return total, weight
+
+    def mean(self, values: Floats, known: npt.NDArray[np.bool_]) -> Floats:
+        """Mean around each coarse node; NaN where nothing is known."""
+        total, weight = self.sums(values, known)
         with np.errstate(invalid="ignore", divide="ignore"):
-            mean = _gather_sums(np.where(has, known, 0.0), factor) / _gather_sums(
-                has.astype(np.float64), factor
-            )
-        sd = np.where(np.isfinite(height), mean, np.nan)
-        cells[name] = coarse[name].copy(data=sd)
-    result = coarse.assign(cells)
-    return result, _coarsening_loss(surface, result)
+            return np.asarray(total / weight)
+
+    def at_nodes(self, values: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Values at the coarse nodes themselves."""
+        return np.asarray(values[self._at][:, :: self._step])
 
 
-def _gather_sums(values: Floats, factor: tuple[int, int]) -> Floats:
-    """Sums around every n-th node; nodes midway count by half to both sides.
-
-    A node at the edge keeps its own height: a mean over one side would be biased on a slope.
-    """
-    for axis, by in enumerate(factor):
-        reach = by // 2
-        pad = [(0, 0), (0, 0)]
-        pad[axis] = (reach, reach)
-        padded = np.pad(values, pad)
-        size = values.shape[axis]
-        total = np.zeros_like(np.take(values, range(0, size, by), axis=axis))
-        for k in range(-reach, reach + 1):
-            weight = 0.5 if by % 2 == 0 and abs(k) == reach and by > 1 else 1.0
-            total += weight * np.take(padded, range(reach + k, reach + k + size, by), axis=axis)
-        at = np.arange(0, size, by)
-        at_edge = np.flatnonzero((at < reach) | (at + reach > size - 1))
-        index = (at_edge, slice(None)) if axis == 0 else (slice(None), at_edge)
-        total[index] = np.take(values, at[at_edge], axis=axis)
-        values = total
-    return values
-
-
-def _coarsening_loss(fine: xr.Dataset, coarse: xr.Dataset) -> dict[str, float]:
+def _coarsening_loss(
+    fine: xr.Dataset, coarse: xr.Dataset, factor: tuple[int, int]
+) -> dict[str, float]:
     """Differences of the coarse surface from the heights of the fine one."""
     dims = fine["height"].dims
-    axes = [np.asarray(coarse[dim], dtype=np.float64) for dim in dims]
-    between = RegularGridInterpolator(
-        axes, np.asarray(coarse["height"]), bounds_error=False, fill_value=np.nan
-    )
-    height = np.asarray(fine["height"], dtype=np.float64)
-    first, second = (np.asarray(fine[dim], dtype=np.float64) for dim in dims)
-    error = np.empty(height.shape)
-    for row in range(height.shape[0]):
-        at = np.stack([np.full(second.size, first[row]), second], axis=1)
-        error[row] = between(at) - height[row]
-    known = np.isfinite(error)
-    if not known.any():
+    u, v = (np.asarray(fine[dim], dtype=np.float64) for dim in dims)
+    height = np.asarray(coarse["height"], dtype=np.float64)
+    row, row_fraction = _places_between(u, factor[0])
+    column, column_fraction = _places_between(v, factor[1])
+    known = height[np.isfinite(height)]
+    datum = float(known[0]) if known.size else 0.0
+    sums = np.zeros(12)
+    for rows, block in height_blocks(fine):
+        rows = slice(rows.start, min(rows.stop, row.size))
+        inside = block[: rows.stop - rows.start, : column.size]
+        _kernels.coarsening_moments(
+            np.ascontiguousarray(inside),
+            row[rows],
+            row_fraction[rows],
+            column,
+            column_fraction,
+            height,
+            u[rows] - u[u.size // 2],
+            v - v[v.size // 2],
+            datum,
+            sums,
+        )
+    n, *_ = sums
+    if not n:
         return {"rms": float("nan"), "largest": float("nan"), "kept": float("nan")}
-    a, b = (axis[known] for axis in np.meshgrid(first, second, indexing="ij"))
-    design = np.stack([np.ones(a.size), a - a.mean(), b - b.mean()], axis=1)
-    plane, *_ = np.linalg.lstsq(design.T @ design, design.T @ height[known], rcond=None)
-    residual = height[known] - design @ plane
-    variance = float(np.mean(residual**2))
-    error_variance = float(np.mean(error[known] ** 2))
+    variance = _variance_about_plane(sums)
+    error_variance = float(sums[10] / n)
     return {
         "rms": error_variance**0.5,
-        "largest": float(np.abs(error[known]).max()),
+        "largest": float(sums[11]),
         "kept": 1.0 - error_variance / variance if variance > error_variance else 0.0,
     }
+
+
+def _places_between(axis: Floats, by: int) -> tuple[npt.NDArray[np.int64], Floats]:
+    """Coarse node before each fine one, and the distance from it, as far as coarse nodes go."""
+    last = (axis.size - 1) // by
+    index = np.arange(last * by + 1)
+    place = np.minimum(index // by, last)
+    step = axis[np.minimum(place + 1, last) * by] - axis[place * by]
+    with np.errstate(invalid="ignore"):
+        fraction = (axis[index] - axis[place * by]) / step
+    return place, np.where(index % by == 0, 0.0, fraction)
+
+
+def _variance_about_plane(sums: Floats) -> float:
+    """Variance of heights about their mean plane, by normal equations [m²]."""
+    n, u, v, h, uu, uv, vv, uh, vh, hh, *_ = sums
+    normal = np.array([[n, u, v], [u, uu, uv], [v, uv, vv]])
+    right = np.array([h, uh, vh])
+    plane, *_ = np.linalg.lstsq(normal, right, rcond=None)
+    return float(max(hh - plane @ right, 0.0) / n)

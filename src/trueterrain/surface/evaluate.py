@@ -1,5 +1,6 @@
 """Heights of a surface at any point, its nodes as points, and its summary."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,14 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.provenance import add_step
+from trueterrain.core.quantiles import exact_quantiles
+from trueterrain.core.row_blocks import (
+    height_blocks,
+    load_heights,
+    load_rows,
+    stored_rows,
+    surface_blocks,
+)
 from trueterrain.core.schemas import make_points
 from trueterrain.geometry.grid_frame import (
     Floats,
@@ -119,31 +128,83 @@ def surface_to_points(surface: xr.Dataset) -> xr.Dataset:
     >>> surface_to_points(ramp).up.values
     array([0., 1., 2.])
     """
-    easting, northing = node_coordinates(surface)
-    height = np.asarray(surface["height"], float)
-    valid = np.isfinite(height)
-    optional = {
-        name: np.asarray(surface[name])[valid] for name in ("sd", "sd_relative") if name in surface
+    parts = list(node_points(surface))
+    columns: dict[str, Any] = {
+        str(name): np.concatenate([part[name].values for part in parts])
+        for name in parts[0].data_vars
     }
-    points = make_points(
-        easting[valid],
-        northing[valid],
-        height[valid],
-        crs=str(surface.attrs.get("crs", "")),
-        **optional,
-    )
-    return add_step(points, "surface_to_points", after=surface)
+    points = make_points(crs=str(surface.attrs.get("crs", "")), **columns)
+    return points.assign_attrs(parts[0].attrs)
+
+
+def node_points(surface: xr.Dataset) -> Iterator[xr.Dataset]:
+    """Nodes of a surface that have a height, as blocks of points.
+
+    Use it to write a surface that does not fit into memory as a LAZ file.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface along a reference line, or map, in memory or on disk.
+
+    Yields
+    ------
+    xarray.Dataset
+        Points of some cross-sections, as by `surface_to_points`.
+    """
+    attrs = add_step(
+        make_points([], [], [], crs=str(surface.attrs.get("crs", ""))),
+        "surface_to_points",
+        after=surface,
+    ).attrs
+    deviations = [name for name in ("sd", "sd_relative") if name in surface]
+    first = str(surface["height"].dims[0])
+    for rows in surface_blocks(surface):
+        # a cross-section depends on its neighbours, which the part keeps
+        around = slice(max(rows.start - 1, 0), rows.stop + 1)
+        own = slice(rows.start - around.start, rows.stop - around.start)
+        easting, northing = (
+            values[own] for values in node_coordinates(surface.isel({first: around}))
+        )
+        height = load_heights(surface, rows)
+        valid = np.isfinite(height)
+        optional: dict[str, Any] = {
+            name: load_rows(surface, name, rows)[valid] for name in deviations
+        }
+        points = make_points(easting[valid], northing[valid], height[valid], **optional)
+        yield points.assign_attrs(attrs)
 
 
 def _interpolate_heights(
     surface: xr.Dataset, frame: GridFrame, u: npt.ArrayLike, v: npt.ArrayLike
 ) -> Floats:
-    height = np.asarray(surface["height"], dtype=np.float64)
-    return interpolate_bilinear(frame, height if "u" in surface.dims else height.T, u, v)
+    if "u" not in surface.dims or stored_rows(surface) is None:
+        height = np.asarray(surface["height"], dtype=np.float64)
+        return interpolate_bilinear(frame, height if "u" in surface.dims else height.T, u, v)
+    u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
+    row = np.searchsorted(frame.u, u.ravel(), side="right") - 1
+    row = np.clip(row, 0, frame.u.size - 2)
+    order = np.argsort(row, kind="stable")
+    found = np.empty(u.size)
+    for rows in surface_blocks(surface):
+        begin, end = np.searchsorted(row, (rows.start, rows.stop), sorter=order)
+        some = order[begin:end]
+        if some.size:
+            # a point lies between its row and the next
+            with_next = slice(rows.start, min(rows.stop + 1, frame.u.size))
+            found[some] = interpolate_bilinear(
+                grid_frame(surface.isel(u=with_next)),
+                load_heights(surface, with_next),
+                u.ravel()[some],
+                v.ravel()[some],
+            )
+    return found.reshape(u.shape)
 
 
 def summarise_surface(surface: xr.Dataset) -> dict[str, Any]:
     """Size, spacing, counts and standard deviations of a surface.
+
+    A surface on disk is read block by block.
 
     Parameters
     ----------
@@ -166,32 +227,31 @@ def summarise_surface(surface: xr.Dataset) -> dict[str, Any]:
     (3, 0.2)
     """
     dims = [str(dim) for dim in surface["height"].dims]
-    height = surface["height"].values
-    seen = np.isfinite(height)
-    count = surface["count"].values[seen] if "count" in surface else np.empty(0)
+    median, most = _quantiles(surface, "count", [0.5, 1.0]) or (None, None)
     return {
-        "size": dict(zip(dims, height.shape, strict=True)),
+        "size": dict(zip(dims, surface["height"].shape, strict=True)),
         "spacing": {dim: float(np.diff(surface[dim].values).mean()) for dim in dims},
-        "nodes": int(seen.sum()),
+        "nodes": sum(int(np.isfinite(height).sum()) for _, height in height_blocks(surface)),
         "count": {
-            "median": _finite_median(count),
-            "most": int(count.max()) if count.size else None,
+            "median": median,
+            "most": None if most is None else int(most),
         },
-        **{name: _sd_statistics(surface, name, seen) for name in ("sd", "sd_relative")},
+        **{name: _sd_statistics(surface, name) for name in ("sd", "sd_relative")},
     }
 
 
-def _sd_statistics(
-    surface: xr.Dataset, name: str, seen: npt.NDArray[np.bool_]
-) -> dict[str, float | None]:
-    sd = surface[name].values[seen] if name in surface else np.empty(0)
-    known = sd[np.isfinite(sd)]
-    return {
-        "median": _finite_median(known),
-        "p95": float(np.percentile(known, 95)) if known.size else None,
-        "largest": float(known.max()) if known.size else None,
-    }
+def _sd_statistics(surface: xr.Dataset, name: str) -> dict[str, float | None]:
+    found = _quantiles(surface, name, [0.5, 0.95, 1.0]) or (None, None, None)
+    return dict(zip(("median", "p95", "largest"), found, strict=True))
 
 
-def _finite_median(values: npt.NDArray[Any]) -> float | None:
-    return float(np.median(values)) if values.size else None
+def _quantiles(surface: xr.Dataset, name: str, fractions: list[float]) -> list[float] | None:
+    """Quantiles of a variable over the nodes that have a height; None without any."""
+    if name not in surface:
+        return None
+
+    def blocks() -> Iterator[npt.NDArray[Any]]:
+        for rows, height in height_blocks(surface):
+            yield load_rows(surface, name, rows)[np.isfinite(height)]
+
+    return exact_quantiles(blocks, fractions)

@@ -15,6 +15,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.row_blocks import height_blocks
 from trueterrain.surface._nodes import ROWS, NodeValues, compute_nodes
 from trueterrain.surface.accumulate import CellSums, ReturnTotals
 from trueterrain.surface.cells import Grid
@@ -85,9 +86,9 @@ def surface_of(
     if missing:
         message = f"the sums lack {', '.join(missing)}, which {options.statistic} needs."
         raise ValueError(message)
-    nodes = NodeValues.empty(sums.grid.shape)
+    nodes = NodeValues.empty(sums.rows, sums.grid.shape[1])
     compute_rows(sums, options, sums.rows, nodes, add_data)
-    require_heights(nodes, options, sums.return_totals)
+    require_heights(bool(np.isfinite(nodes.height).any()), options, sums.return_totals)
     return sums.grid.surface(
         nodes.height, crs=crs, count=nodes.count, **name_deviations(nodes.sd, sums.datum_sd)
     )
@@ -155,14 +156,14 @@ def compute_rows(
         for job in jobs:
             job.result()
     if options.fraction is not None and add_data is not None:
-        height = nodes.height[rows.start : rows.stop]
+        height = nodes.of(rows).height
         seen = np.isfinite(height)
         height[seen] = sums.quantile(options.fraction, rows, add_data)[seen]
 
 
-def require_heights(nodes: NodeValues, options: GridSettings, return_totals: ReturnTotals) -> None:
-    """Raise CoverageError if no node has a height."""
-    if any(np.isfinite(row).any() for row in nodes.height):
+def require_heights(found: bool, options: GridSettings, return_totals: ReturnTotals) -> None:
+    """Raise CoverageError if no node has a height, that is, unless some were `found`."""
+    if found:
         return
     if not (return_totals.used or return_totals.outside or return_totals.too_high):
         where = f" in {return_totals.scans} scans" if return_totals.scans else ""
@@ -282,10 +283,14 @@ def trim_surface(surface: xr.Dataset) -> xr.Dataset:
     >>> trim_surface(road).u.values
     array([1., 2.])
     """
-    seen = np.isfinite(np.asarray(surface["height"]))
+    seen = [np.zeros(size, np.bool_) for size in surface["height"].shape]
+    for rows, height in height_blocks(surface):
+        known = np.isfinite(height)
+        seen[0][rows] = known.any(axis=1)
+        seen[1] |= known.any(axis=0)
     cut = {}
-    for axis, dim in enumerate(surface["height"].dims):
-        has = np.flatnonzero(seen.any(axis=1 - axis))
+    for dim, found in zip(surface["height"].dims, seen, strict=True):
+        has = np.flatnonzero(found)
         # a surface has at least two nodes along each axis
         if dim != "v" and has.size > 1:
             cut[dim] = slice(int(has[0]), int(has[-1]) + 1)

@@ -1,10 +1,11 @@
 """Gridding of recorded runs, straight from ranges without points in between."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from trueterrain.core import provenance
@@ -21,7 +22,7 @@ from trueterrain.surface.grid import compute_rows, name_deviations, require_heig
 from trueterrain.surface.pass_record import PassRecord
 from trueterrain.surface.settings import GridSettings
 
-__all__ = ["BLOCK", "MEMORY", "PassRecord", "grid_runs", "require_one_frame"]
+__all__ = ["BLOCK", "MEMORY", "PassRecord", "RunGridding", "grid_runs", "require_one_frame"]
 
 #: Default number of scans in a block: whole chunks of a store.
 BLOCK = 4000
@@ -86,55 +87,204 @@ def grid_runs(
     FormatError
         If a run is damaged.
     """
-    if not passes or block < 1 or memory < 1:
-        message = (
-            "there must be at least one pass, block must be at least 1 scan, and memory at least "
-            "1 byte."
-        )
-        raise ValueError(message)
-    recordings = [Recording(one, with_intensity=screening.needs_intensity) for one in passes]
-    _require_same([one.path for one in recordings], [one.origin for one in recordings])
-    wanted = options.kept_sums()
-    plan = plan_windows(
+    gridding = RunGridding(
+        passes,
         grid,
-        recordings,
-        wanted,
-        margin=halo_of(options, grid),
-        memory=memory,
+        options,
+        screening=screening,
         threads=threads,
-        furthest=screening.furthest,
+        block=block,
+        memory=memory,
+        progress=progress,
     )
-    nodes, return_totals = NodeValues.empty(grid.shape), plan.return_totals
-    sums = CellSums(grid, wanted, threads=threads, rows=slice(plan.rows), poses=plan.poses)
+    return gridding.in_memory()
 
-    def grid_window(window: range) -> None:
-        sums.move(plan.first(window))
+
+class RunGridding:
+    """Gridding of recorded runs window by window, for surfaces that do not fit into memory.
+
+    Parameters
+    ----------
+    passes, grid, options, screening, threads, block, memory, progress
+        As of `grid_runs`.
+
+    Raises
+    ------
+    ValueError, CoverageError, SchemaError, FormatError
+        As by `grid_runs`.
+    """
+
+    def __init__(
+        self,
+        passes: Sequence[PassRecord],
+        grid: Grid,
+        options: GridSettings = GridSettings(),
+        *,
+        screening: Screening = Screening(),
+        threads: int = 1,
+        block: int = BLOCK,
+        memory: int = MEMORY,
+        progress: Progress = no_progress,
+    ) -> None:
+        if not passes or block < 1 or memory < 1:
+            message = (
+                "there must be at least one pass, block must be at least 1 scan, and memory at "
+                "least 1 byte."
+            )
+            raise ValueError(message)
+        self.grid, self._options = grid, options
+        self._screening, self._block, self._progress = screening, block, progress
+        self._recordings = [
+            Recording(one, with_intensity=screening.needs_intensity) for one in passes
+        ]
+        _require_same(
+            [one.path for one in self._recordings], [one.origin for one in self._recordings]
+        )
+        wanted = options.kept_sums()
+        self._plan = plan_windows(
+            grid,
+            self._recordings,
+            wanted,
+            margin=halo_of(options, grid),
+            memory=memory,
+            threads=threads,
+            furthest=screening.furthest,
+        )
+        self._return_totals = self._plan.return_totals
+        self._found = False  # whether a node has a height
+        self._sums = CellSums(
+            grid, wanted, threads=threads, rows=slice(self._plan.rows), poses=self._plan.poses
+        )
+        for one in self._recordings:
+            self._sums.note_datum(one.geometry.trajectory.datum_sd)
+
+    def windows(self) -> Iterator[range]:
+        """Windows of rows to compute, in order; those that a scan reached unexpectedly come twice.
+
+        Yields
+        ------
+        range
+            Rows, for `compute`.
+        """
+        yield from self._plan.windows
+        yield from sorted(self._plan.missed, key=lambda window: window.start)
+
+    def compute(self, window: range, nodes: NodeValues | None = None) -> NodeValues:
+        """Compute the nodes of a window.
+
+        Parameters
+        ----------
+        window : range
+            One of `windows`.
+        nodes : NodeValues, optional
+            Nodes to fill, those of the window among them; by default new ones.
+
+        Returns
+        -------
+        NodeValues
+            The nodes.
+        """
+        nodes = NodeValues.empty(window, self.grid.shape[1]) if nodes is None else nodes
+        self._sums.move(self._plan.first(window))
 
         def add(those: CellSums) -> None:
-            _add_scans(those, recordings, plan, window, screening, block, progress)
+            _add_scans(
+                those,
+                self._recordings,
+                self._plan,
+                window,
+                self._screening,
+                self._block,
+                self._progress,
+            )
 
-        add(sums)
-        return_totals.add(sums.return_totals)
-        compute_rows(sums, options, window, nodes, add_data=add)
+        add(self._sums)
+        self._return_totals.add(self._sums.return_totals)
+        compute_rows(self._sums, self._options, window, nodes, add_data=add)
+        self._found = self._found or bool(np.isfinite(nodes.of(window).height).any())
+        return nodes
 
-    for window in plan.windows:
-        grid_window(window)
-    for window in plan.missed:
-        grid_window(window)
-    require_heights(nodes, options, return_totals)
-    surface = provenance.add_step(
-        grid.surface(
-            nodes.height, crs="", count=nodes.count, **name_deviations(nodes.sd, sums.datum_sd)
-        ),
-        "grid",
-        parameters={
-            "runs": [one.path.name for one in passes],
-            "options": options,
-            "screening": screening,
-            "spacing": grid.spacing,
-        },
-    )
-    return surface, asdict(return_totals)
+    def in_memory(self) -> tuple[xr.Dataset, dict[str, Any]]:
+        """Compute all windows, and keep all nodes in memory.
+
+        Returns
+        -------
+        surface : xarray.Dataset
+            As by `grid_runs`.
+        report : dict
+            As by `grid_runs`.
+        """
+        nodes = NodeValues.empty(range(self.grid.shape[0]), self.grid.shape[1])
+        for rows in self.windows():
+            self.compute(rows, nodes)
+        report = self.report()
+        return self._surface(self.variables(nodes)), report
+
+    def template(self, **others: Any) -> xr.Dataset:
+        """Surface whose nodes all have the same values, which takes no memory.
+
+        Parameters
+        ----------
+        **others
+            Values of further variables, such as ``filled``.
+
+        Returns
+        -------
+        xarray.Dataset
+            Surface with the axes, variables and attributes of the result.
+        """
+        one = self.variables(NodeValues.empty(range(1), 1))
+        values = {name: np.ravel(value)[0] for name, value in one.items()} | others
+        return self._surface(
+            {name: np.broadcast_to(value, self.grid.shape) for name, value in values.items()}
+        )
+
+    def variables(self, nodes: NodeValues) -> dict[str, Any]:
+        """Variables of a surface: ``height``, ``count``, ``sd`` and ``sd_relative``.
+
+        Parameters
+        ----------
+        nodes : NodeValues
+            Nodes of some rows.
+
+        Returns
+        -------
+        dict of numpy.ndarray
+            Values by name, see `name_deviations`.
+        """
+        return {
+            "height": nodes.height,
+            "count": nodes.count,
+            **name_deviations(nodes.sd, self._sums.datum_sd),
+        }
+
+    def _surface(self, variables: Mapping[str, Any]) -> xr.Dataset:
+        return provenance.add_step(
+            self.grid.surface(**variables),
+            "grid",
+            parameters={
+                "runs": [one.path.name for one in self._recordings],
+                "options": self._options,
+                "screening": self._screening,
+                "spacing": self.grid.spacing,
+            },
+        )
+
+    def report(self) -> dict[str, Any]:
+        """Counts of returns and scans, after the last window.
+
+        Returns
+        -------
+        dict
+            As by `grid_runs`.
+
+        Raises
+        ------
+        CoverageError
+            If no node has a height.
+        """
+        require_heights(self._found, self._options, self._return_totals)
+        return asdict(self._return_totals)
 
 
 def require_one_frame(paths: Sequence[Path]) -> tuple[float, ...]:

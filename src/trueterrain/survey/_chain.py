@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -97,9 +98,12 @@ def run_survey(
         If the folder is not empty and `force` is false, or as by `whole_folder`.
     """
     require_one_frame([Path(run.path) for run in survey.runs])
-    with whole_folder(
-        folder, result=RESULT, force=force, inputs=_survey_inputs(survey), names=REPORTED
-    ) as temporary:
+    with (
+        whole_folder(
+            folder, result=RESULT, force=force, inputs=_survey_inputs(survey), names=REPORTED
+        ) as temporary,
+        TemporaryDirectory(dir=temporary, prefix=".work-") as work,
+    ):
         pictures = Pictures(temporary if survey.outputs.pictures else None)
         before = [process_survey_run(survey, run, progress) for run in survey.runs]
         runs, merging = before, None
@@ -119,6 +123,7 @@ def run_survey(
                 survey.name if merging else some[0].name,
                 some,
                 temporary,
+                work=Path(work),
                 threads=threads,
                 truth=_truth_of(some, truth),
                 draw=pictures.of_lane,
@@ -143,7 +148,9 @@ def run_survey(
         report = report_of(survey, surfaces, numbers, pictures, [*files, *pictures.files], merging)
         write_report(report, temporary / "report.html")
         pictures.close()
-        written = tuple(sorted(file.name for file in temporary.iterdir()))
+        written = tuple(
+            sorted(file.name for file in temporary.iterdir() if file.name != Path(work).name)
+        )
     return SurveyResult(folder=Path(folder), files=written, numbers=numbers)
 
 
@@ -241,8 +248,8 @@ def overlap_agreement(one: SurfaceResult, other: SurfaceResult) -> dict[str, Any
     -------
     dict or None
         ``lanes``, and of the height of the second less that of the first in ``n`` nodes some 50 mm
-        apart ``median``, ``nmad``, ``rmse`` and ``p95`` [m]; None if they have too few nodes in
-        common.
+        apart (further on long surfaces) ``median``, ``nmad``, ``rmse`` and ``p95`` [m]; None if
+        they have too few nodes in common.
     """
     difference = heights_at(other.coarse, *node_coordinates(one.coarse)) - one.coarse.height.values
     found = DifferenceSummary.of(difference)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from scipy.spatial.transform import Rotation
 
 from trueterrain import figures
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 _COVERED = 0.99  # fraction of the differences before alignment that the colours cover
 _SHOWN = 3  # profiles in one picture
+_SHOWN_KNOTS = 60_000  # of the trajectory in the picture of the motion; 1 ms apart in a minute
 _PART = 6.0  # [m] of a surface that is drawn node by node
 
 
@@ -87,8 +89,10 @@ class Pictures:
             The run.
         """
         t = run.record.trajectory
-        _, pitch, roll = np.unwrap(t.at(t.time).rotation.as_euler("ZYX"), axis=0).T
-        motion = {"time": t.time, "up": t.position[:, 2], "pitch": pitch, "roll": roll}
+        some = slice(None, None, -(-t.time.size // _SHOWN_KNOTS))
+        rotation = Rotation.from_quat(t.quaternion[some])
+        _, pitch, roll = np.unwrap(rotation.as_euler("ZYX"), axis=0).T
+        motion = {"time": t.time[some], "up": t.position[some, 2], "pitch": pitch, "roll": roll}
         self._keep(run.name, "motion", figures.body_motion(motion), "motion of the body")
 
     def of_merging(

@@ -12,8 +12,8 @@ from trueterrain import formats
 from trueterrain.core import provenance
 from trueterrain.core.progress import Progress
 from trueterrain.roughness import iri
-from trueterrain.surface.coarse import down_sample
-from trueterrain.surface.evaluate import node_coordinates, summarise_surface, surface_to_points
+from trueterrain.surface.coarse import coarsen_surface
+from trueterrain.surface.evaluate import node_coordinates, node_points, summarise_surface
 from trueterrain.survey._settings import Survey
 from trueterrain.survey.profiles import (
     extract_profile,
@@ -27,8 +27,9 @@ from trueterrain.verify.truth import TrueHeight, statistics_of
 
 _MEASURED_ONLY = ("sd", "sd_relative", "count", "filled")  # variables that true ground has not
 _OVERVIEW_SPACING = 0.05  # [m] of the coarse surface that is kept for figures and comparisons
+_OVERVIEW_NODES = 4_000_000  # of it at most, so that memory does not grow with the survey
 
-#: Called with the name of a surface, the surface and its profiles while all nodes are in memory.
+#: Called with the name of a surface, the surface and its profiles while all nodes are at hand.
 DrawSurface = Callable[[str, xr.Dataset, "dict[str, xr.Dataset]"], None]
 
 
@@ -40,7 +41,7 @@ class SurfaceResult:
     "Name of the surface."
 
     coarse: xr.Dataset
-    "The surface with nodes some 50 mm apart."
+    "The surface with nodes some 50 mm apart, further if it is long."
 
     profiles: dict[str, xr.Dataset]
     "Its profiles by name."
@@ -61,6 +62,7 @@ def write_products(
     runs: Sequence[ProcessedRun],
     folder: Path,
     *,
+    work: Path,
     threads: int,
     truth: TrueHeight | None,
     draw: DrawSurface,
@@ -79,12 +81,14 @@ def write_products(
         otherwise.
     folder : Path
         Where files are written.
+    work : Path
+        Where the nodes of the surface are kept meanwhile.
     threads : int
         Threads that grid at once.
     truth : callable, optional
         True height of the ground, if it is known.
     draw : callable
-        Draws the surface and the profiles while the whole surface is in memory.
+        Draws the surface and the profiles while all nodes are at hand.
     progress : callable
         Called with a task, the amount done and the total.
 
@@ -100,6 +104,7 @@ def write_products(
         holes=survey.holes,
         down_sample=survey.down_sample,
         screening=survey.screening,
+        store=work / f"{name}.zarr",
         threads=threads,
         step="survey",
         parameters={"survey": survey.name},
@@ -179,7 +184,7 @@ def _write_surfaces(
 ) -> Iterator[tuple[str, str]]:
     for ending in survey.outputs.surface:
         file = f"{name}.{ending}"
-        formats.write(surface_to_points(surface) if ending == "laz" else surface, folder / file)
+        formats.write(node_points(surface) if ending == "laz" else surface, folder / file)
         yield file, f"{name}: surface" + (", nodes as points" if ending == "laz" else "")
 
 
@@ -198,6 +203,7 @@ def _compare_with_truth(
 ) -> dict[str, Any]:
     """Errors of the heights, and the IRI [m/km] of the true ground along the same paths."""
     # only where there are heights, so that both profiles begin and end at the same stations
+    surface = surface.load()  # the true ground is known of simulated runs, which are short
     true = np.where(np.isfinite(surface["height"]), truth(*node_coordinates(surface)), np.nan)
     ground = surface.assign(height=surface["height"].copy(data=true))
     ground = ground.drop_vars([name for name in ground.data_vars if name in _MEASURED_ONLY])
@@ -246,15 +252,12 @@ def _list_problems(returns: dict[str, Any], holes: dict[str, Any]) -> Iterator[s
 
 
 def _overview(surface: xr.Dataset) -> xr.Dataset:
-    dims = surface["height"].dims
-    factor = tuple(
-        max(
-            1,
-            min(
-                round(_OVERVIEW_SPACING / float(np.diff(surface[dim]).mean())),
-                surface.sizes[dim] - 1,
-            ),
-        )
-        for dim in dims
+    height = surface["height"]
+    spacings = [float(np.diff(surface[dim]).mean()) for dim in height.dims]
+    area = float(np.prod(np.array(height.shape) * spacings))
+    aim = max(_OVERVIEW_SPACING, (area / _OVERVIEW_NODES) ** 0.5)
+    first, second = (
+        max(1, min(round(aim / spacing), size - 1))
+        for spacing, size in zip(spacings, height.shape, strict=True)
     )
-    return down_sample(surface, (factor[0], factor[1]))[0]
+    return coarsen_surface(surface, (first, second))

@@ -2,18 +2,28 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from trueterrain.core import provenance
 from trueterrain.core.progress import Progress, no_progress
+from trueterrain.core.row_blocks import load_rows
+from trueterrain.formats.store import SurfaceStore
 from trueterrain.georeference import Screening
 from trueterrain.surface.coarse import down_sample as keep_coarse_nodes
 from trueterrain.surface.grid import trim_surface
-from trueterrain.surface.holes import HoleSettings, fill_holes
+from trueterrain.surface.holes import (
+    HoleSettings,
+    count_holes,
+    fill_holes,
+    filled_blocks,
+    without_filled,
+)
 from trueterrain.surface.placement import GridPlacement
-from trueterrain.surface.runs import grid_runs
+from trueterrain.surface.runs import RunGridding
 from trueterrain.surface.settings import GridSettings
 from trueterrain.survey.runs import ProcessedRun
 
@@ -26,6 +36,7 @@ def build_surface(
     holes: HoleSettings = HoleSettings(),
     down_sample: tuple[int, int] | None = None,
     screening: Screening = Screening(),
+    store: Path | None = None,
     threads: int = 1,
     step: str = "build_surface",
     parameters: Mapping[str, Any] | None = None,
@@ -48,6 +59,9 @@ def build_surface(
         Nodes that become one, along and across, for smooth terrain.
     screening : Screening
         Which returns are flagged, and whether they are kept.
+    store : Path, optional
+        Folder to make for the nodes of a surface along a line, which then stay on disk: memory does
+        not grow with its length. The surface is the same, bit for bit.
     threads : int
         Threads that grid at once; the surface does not depend on it.
     step : str
@@ -73,7 +87,7 @@ def build_surface(
     """
     passes = [run.record for run in runs]
     aligned = len(runs) > 1 and all(run.aligned for run in runs)
-    surface, returns = grid_runs(
+    gridding = RunGridding(
         passes,
         placement.of_runs(passes),
         replace(cells, agreed=cells.agreed or aligned),
@@ -81,7 +95,15 @@ def build_surface(
         threads=threads,
         progress=lambda run, done, total: progress(f"{run}: scans", done, total),
     )
-    surface, report = complete_surface(surface, holes, down_sample)
+    if store is None or gridding.grid.line is None:
+        surface, returns = gridding.in_memory()
+        surface, report = complete_surface(surface, holes, down_sample)
+    else:
+        surface, returns, filled = _grid_to_store(gridding, store, holes)
+        loss = None
+        if down_sample is not None:
+            surface, loss = keep_coarse_nodes(surface, down_sample)
+        report = {"holes": filled, "down_sample": loss}
     motions = [run.settings for run in runs]
     surface = provenance.add_step(
         surface,
@@ -96,6 +118,33 @@ def build_surface(
         },
     )
     return surface, {"returns": returns, **report}
+
+
+def _grid_to_store(
+    gridding: RunGridding, path: Path, holes: HoleSettings
+) -> tuple[xr.Dataset, dict[str, Any], dict[str, Any]]:
+    """Grid runs window by window to a store, and fill small holes there."""
+    store = SurfaceStore(path, gridding.template(filled=np.False_))
+    for window in gridding.windows():
+        nodes = gridding.compute(window)
+        values = {**gridding.variables(nodes), "filled": np.zeros(nodes.height.shape, np.bool_)}
+        store.write(slice(window.start, window.stop), values)
+    returns = gridding.report()
+    whole = store.open()
+    surface = trim_surface(whole)
+    first = int(np.searchsorted(whole["u"], surface["u"][0]))
+    report = count_holes(surface, holes)
+    if report["filled_holes"]:
+        for rows, height, filled in filled_blocks(surface, holes):
+            if filled.any():
+                there = slice(first + rows.start, first + rows.stop)
+                values = {
+                    name: without_filled(load_rows(surface, name, rows), filled)
+                    for name in ("sd", "sd_relative")
+                    if name in surface
+                }
+                store.write(there, {"height": height, "filled": filled, **values})
+    return trim_surface(store.open()), returns, report
 
 
 def complete_surface(

@@ -8,9 +8,9 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import OutputError
+from trueterrain.core.row_blocks import height_blocks
 from trueterrain.core.schemas import check_surface, make_surface
 from trueterrain.formats.opencrg import _rules
-from trueterrain.formats.opencrg._blocks import height_blocks
 from trueterrain.formats.opencrg._holes import holes_in, patch_surface
 from trueterrain.formats.opencrg._payload import HIGHEST
 

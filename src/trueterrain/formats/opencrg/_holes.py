@@ -8,7 +8,7 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from trueterrain.formats.opencrg._blocks import block_heights, height_blocks, row_blocks
+from trueterrain.core.row_blocks import height_blocks, load_heights, row_blocks
 from trueterrain.formats.opencrg._rules import interior_holes
 
 Floats = npt.NDArray[np.float64]
@@ -76,7 +76,7 @@ def patch_surface(surface: xr.Dataset, holes: Index) -> xr.Dataset:
     if "filled" in surface:
         filled = surface["filled"].variable
     else:
-        filled = xr.Variable(("u", "v"), np.zeros(shape, dtype=bool), {"units": "1"})
+        filled = xr.Variable(("u", "v"), np.broadcast_to(np.False_, shape), {"units": "1"})
     changed = {"filled": filled}
     if holes.size:
         changed["filled"] = _patch_variable(filled, holes, np.ones(holes.size, dtype=bool))
@@ -179,7 +179,7 @@ def _heights_around(surface: xr.Dataset, holes: Index) -> _HoleRim:
     for block in row_blocks((rows, columns)):
         first, last = np.searchsorted(neighbours, [block.start * columns, block.stop * columns])
         if first < last:
-            flat = block_heights(surface, block).reshape(-1)
+            flat = load_heights(surface, block).reshape(-1)
             found[first:last] = flat[neighbours[first:last] - block.start * columns]
     known = np.isfinite(found)
     return _HoleRim(neighbours[known], found[known])

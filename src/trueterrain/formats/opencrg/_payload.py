@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.core.errors import FormatError
-from trueterrain.formats.opencrg._blocks import row_blocks
+from trueterrain.core.row_blocks import row_blocks
 from trueterrain.formats.opencrg._header import NUMBER_FORMATS, CrgHeader, station_count
 
 Floats = npt.NDArray[np.float64]

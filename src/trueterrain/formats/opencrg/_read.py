@@ -2,6 +2,7 @@
 
 import json
 import logging
+import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,16 +10,19 @@ import numpy as np
 import numpy.typing as npt
 import pycrg
 import xarray as xr
+from xarray.backends import BackendArray
+from xarray.core import indexing
 
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
+from trueterrain.core.row_blocks import height_blocks, row_blocks
 from trueterrain.core.schemas import check_surface, make_surface
 from trueterrain.formats._bounds import value_range
 from trueterrain.formats.opencrg import _rules
-from trueterrain.formats.opencrg._blocks import row_blocks
 from trueterrain.formats.opencrg._header import CrgHeader, read_header
 from trueterrain.formats.opencrg._offsets import section_offsets
 from trueterrain.formats.opencrg._payload import CrgPayload
+from trueterrain.formats.opencrg._stream import copy_sections
 
 Floats = npt.NDArray[np.float64]
 
@@ -29,6 +33,9 @@ HISTORY_MARK = "history: "
 
 _SINGLE = 1.2e-7  # [1] pycrg holds heights as float32
 _SAME_PLACE = 1e-6  # [m]
+#: Size of the numbers from which on the heights of a binary file stay on disk [bytes].
+LARGE = 64_000_000
+_BLOCK = 1 << 18  # nodes of such a file that are read at once
 
 # pycrg raises errors and logs them, too; without a handler, warnings of the C code are printed
 logging.getLogger("pycrg").addHandler(logging.NullHandler())
@@ -38,7 +45,9 @@ def read(path: str | Path) -> xr.Dataset:
     """Read a surface from an OpenCRG file, in the coordinates in which it is stored.
 
     Modifiers of the file are not applied; they are kept, like its options, as JSON in
-    ``attrs["opencrg_modifiers"]`` and ``attrs["opencrg_options"]``.
+    ``attrs["opencrg_modifiers"]`` and ``attrs["opencrg_options"]``. The heights of binary files
+    above 64 MB stay on disk, so that memory does not grow with the road; ``.load()`` reads them.
+    All numbers are checked once.
 
     Parameters
     ----------
@@ -107,7 +116,12 @@ def describe(path: str | Path) -> dict[str, Any]:
     stored = _load_file(Path(path))
     surface = _assemble_surface(stored)
     header = stored.header
-    u, v, height = (np.asarray(surface[name]) for name in ("u", "v", "height"))
+    u, v = (np.asarray(surface[name]) for name in ("u", "v"))
+    ranges: list[float] = []
+    missing = 0
+    for _, block in height_blocks(surface):
+        missing += int(np.isnan(block).sum())
+        ranges += value_range(block) or []
     easting, northing = (np.asarray(surface[name]) for name in ("easting", "northing"))
     curvature = _rules.line_curvature(easting, northing, header.increment)
     steps = np.diff(v)
@@ -123,9 +137,9 @@ def describe(path: str | Path) -> dict[str, Any]:
         "extent": {
             "easting": value_range(corners[..., 0]),
             "northing": value_range(corners[..., 1]),
-            "height": value_range(height),
+            "height": value_range(np.array(ranges)),
         },
-        "missing": float(np.isnan(height).mean()),
+        "missing": missing / (u.size * v.size),
         "curvature": value_range(curvature) if curvature.size else [0.0, 0.0],
         "crs": surface.attrs["crs"],
         "modifiers": header.modifiers,
@@ -136,11 +150,12 @@ def describe(path: str | Path) -> dict[str, Any]:
 
 
 class _StoredSurface(NamedTuple):
-    """Contents of a file: header, offsets of the long sections, reference line and grid."""
+    """Contents of a file: header, offsets of the long sections, reference line and numbers."""
 
     header: CrgHeader
     offsets: Floats
     line: pycrg.CrgGrid
+    numbers: CrgPayload
 
 
 def _load_file(path: Path) -> _StoredSurface:
@@ -150,14 +165,45 @@ def _load_file(path: Path) -> _StoredSurface:
     offsets = section_offsets(header)
     numbers = CrgPayload(header, offsets)
     numbers.require_possible()
-    line = _reference_line(header)
-    _require_agreement(header, numbers, line)
-    return _StoredSurface(header, np.sort(offsets), line)
+    v = np.sort(offsets)
+    if not _is_large(header):
+        line = _library_grid(header, header.path)
+        _require_agreement(header, numbers, line, slice(None))
+        return _StoredSurface(header, v, line, numbers)
+    # the library holds a file twice in memory, so it gets both edges of the road alone
+    edges = np.array([0, v.size - 1])
+    line = _line_of_copy(header, edges, v)
+    if line is None:
+        line, edges = _library_grid(header, header.path), np.arange(v.size)
+    _require_agreement(header, numbers, line, edges)
+    return _StoredSurface(header, v, line, numbers)
 
 
-def _reference_line(header: CrgHeader) -> pycrg.CrgGrid:
+def _line_of_copy(
+    header: CrgHeader, kept: npt.NDArray[np.int64], v: Floats
+) -> pycrg.CrgGrid | None:
+    """What the library reads from a copy with some long sections; None if it refuses the copy.
+
+    Headers of other programs may be laid out so that their long sections cannot be exchanged.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        part = Path(folder) / "part.crg"
+        copy_sections(header, part, kept, v)
+        try:
+            line = _library_grid(header, part)
+        except FormatError:
+            return None
+    return line if line.z.shape[1] == kept.size else None
+
+
+def _is_large(header: CrgHeader) -> bool:
+    """Whether the heights of a file stay on disk."""
+    return header.is_binary and header.path.stat().st_size - header.data_offset > LARGE
+
+
+def _library_grid(header: CrgHeader, path: Path) -> pycrg.CrgGrid:
     try:
-        with pycrg.DataSet.open(header.path, apply_modifiers=False) as data:
+        with pycrg.DataSet.open(path, apply_modifiers=False) as data:
             return data.grid()
     except pycrg.OpenCRGError as error:
         reason = error.messages[-1][1].strip() if error.messages else str(error)
@@ -168,22 +214,24 @@ def _reference_line(header: CrgHeader) -> pycrg.CrgGrid:
         ) from error
 
 
-def _require_agreement(header: CrgHeader, numbers: CrgPayload, line: pycrg.CrgGrid) -> None:
-    """Raise unless this package and the ASAM C-API read the same numbers from a file.
+def _require_agreement(
+    header: CrgHeader, numbers: CrgPayload, line: pycrg.CrgGrid, sections: Any
+) -> None:
+    """Raise unless this package and the ASAM C-API read the same numbers from some long sections.
 
     Heights of the C-API, which are float32, are replaced by those of the file.
     """
-    same = numbers.shape == line.z.shape and abs(line.u[0] - header.start) < _SAME_PLACE
+    shape = numbers.rows, np.arange(numbers.shape[1])[sections].size
+    same = shape == line.z.shape and abs(line.u[0] - header.start) < _SAME_PLACE
     for rows in row_blocks(numbers.shape) if same else ():
-        _, grid = numbers[rows]
+        grid = numbers[rows][1][:, sections]
         near = np.abs(grid - line.z[rows]) <= _SINGLE * np.abs(grid) + 1e-30
         same &= bool((near | (np.isnan(grid) & np.isnan(line.z[rows]))).all())
         line.z[rows] = grid
     if not same:
         raise FormatError(
             f"the OpenCRG library reads other numbers from it: {line.z.shape[0]} x "
-            f"{line.z.shape[1]} heights, where header and data hold {numbers.shape[0]} x "
-            f"{numbers.shape[1]}",
+            f"{line.z.shape[1]} heights, where header and data hold {shape[0]} x {shape[1]}",
             path=header.path,
             cure="Export the file again.",
         )
@@ -201,13 +249,10 @@ def _require_agreement(header: CrgHeader, numbers: CrgPayload, line: pycrg.CrgGr
 def _assemble_surface(stored: _StoredSurface) -> xr.Dataset:
     header, v, line = stored.header, stored.offsets, stored.line
     banked = bool(line.bank.any())
-    height = line.z  # in place: a copy of a large surface would double the memory
-    for rows in row_blocks(height.shape):
-        height[rows] += line.ref_z[rows, None]
-        if banked:
-            height[rows] += line.bank[rows, None] * v
+    heights = _CrgHeights(stored)
+    large = _is_large(header)
     surface = make_surface(
-        height,
+        np.broadcast_to(np.nan, heights.shape) if large else heights.read((slice(None),) * 2),
         u=header.start + header.increment * np.arange(line.u.size),
         v=v,
         easting=line.x,
@@ -216,11 +261,49 @@ def _assemble_surface(stored: _StoredSurface) -> xr.Dataset:
         banking=line.bank if banked else None,
         crs=_marked_text(header, CRS_MARK),
     )
+    if large:
+        # these classes of xarray have no type annotations
+        lazy = indexing.LazilyIndexedArray(heights)
+        chunks = {"u": max(1, _BLOCK // v.size), "v": v.size}
+        surface["height"] = xr.Variable(
+            ("u", "v"), lazy, surface["height"].attrs, {"preferred_chunks": chunks}
+        )
     _restore_history(surface, header)
     for name in ("modifiers", "options"):
         if entries := getattr(header, name):
             surface.attrs[f"opencrg_{name}"] = json.dumps(entries)
     return check_surface(surface, path=header.path)
+
+
+class _CrgHeights(BackendArray):
+    """Heights of a file, sum of grid, reference line and banking, read on demand."""
+
+    def __init__(self, stored: _StoredSurface) -> None:
+        self._stored = stored
+        self._banked = bool(stored.line.bank.any())
+        self.shape = stored.numbers.shape
+        self.dtype = np.dtype(np.float64)
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        support = indexing.IndexingSupport.BASIC
+        return indexing.explicit_indexing_adapter(key, self.shape, support, self.read)
+
+    def read(self, key: tuple[int | slice, ...]) -> Floats:
+        """Heights of some rows and columns [m]."""
+        line, v = self._stored.line, self._stored.offsets
+        wanted = np.arange(self.shape[0])[key[0]]
+        rows = np.atleast_1d(wanted)
+        found = np.empty((rows.size, self.shape[1]))
+        size = max(1, _BLOCK // self.shape[1])
+        for start in range(0, rows.size, size):
+            some = rows[start : start + size]
+            first = int(some.min(initial=0))
+            _, grid = self._stored.numbers[slice(first, int(some.max(initial=0)) + 1)]
+            height = grid[some - first] + line.ref_z[some, None]
+            if self._banked:
+                height += line.bank[some, None] * v
+            found[start : start + size] = height
+        return np.asarray(found.reshape(*wanted.shape, self.shape[1])[..., key[1]])
 
 
 def _marked_text(header: CrgHeader, mark: str) -> str:

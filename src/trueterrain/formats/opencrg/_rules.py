@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.core.row_blocks import height_blocks
 from trueterrain.formats.opencrg._header import CrgHeader
 
 Floats = npt.NDArray[np.float64]
@@ -109,16 +110,17 @@ def _position_flags(header: CrgHeader, surface: xr.Dataset) -> list[str]:
 
 
 def _height_flags(surface: xr.Dataset) -> list[str]:
-    height = np.asarray(surface["height"])
     found = []
-    holes = int(interior_holes(height).sum())
+    holes, empty = 0, np.zeros(surface.sizes["u"], np.bool_)
+    for rows, height in height_blocks(surface):
+        holes += int(interior_holes(height).sum())
+        empty[rows] = ~np.isfinite(height).any(axis=1)
     if holes:
         found.append(f"{holes} heights are missing between others, not only at the edges")
-    empty = np.flatnonzero(~np.isfinite(height).any(axis=1))
-    if empty.size:
+    if empty.any():
+        first = float(surface["u"][int(empty.argmax())])
         found.append(
-            f"{empty.size} cross-sections have no height, the first at u = "
-            f"{float(surface['u'][empty[0]]):g} m"
+            f"{int(empty.sum())} cross-sections have no height, the first at u = {first:g} m"
         )
     return found
 

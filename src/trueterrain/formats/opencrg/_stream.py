@@ -16,17 +16,18 @@ import numpy.typing as npt
 import pycrg
 import xarray as xr
 
-from trueterrain.formats.opencrg._blocks import block_heights, height_blocks
-from trueterrain.formats.opencrg._header import read_header
+from trueterrain.core.row_blocks import height_blocks, load_heights, row_blocks
+from trueterrain.formats.opencrg._header import CrgHeader, read_header
 from trueterrain.formats.opencrg._offsets import section_offsets
 from trueterrain.formats.opencrg._payload import CrgPayload
 
 Floats = npt.NDArray[np.float64]
 
 _END = b"$" * 72 + b"\n"  # of the header
-_LEFT = re.compile(rb"^long_section_v_left .*\n", re.MULTILINE)
-_INCREMENT = re.compile(rb"^long_section_v_increment .*\n", re.MULTILINE)  # follows _LEFT, if any
-_SECTIONS = re.compile(rb"(?:^D:long section .*\n)+", re.MULTILINE)
+_LINES = re.MULTILINE | re.IGNORECASE
+_LEFT = re.compile(rb"^long_section_v_left .*\n", _LINES)
+_INCREMENT = re.compile(rb"^long_section_v_increment .*\n", _LINES)  # follows _LEFT, if any
+_SECTIONS = re.compile(rb"(?:^D:long section .*\n)+", _LINES)
 _RECORD = 80  # [bytes]
 
 
@@ -81,7 +82,7 @@ def write_whole(road: xr.Dataset, flat: FlatRoad, path: Path, keywords: Mapping[
     """Write the heights as text, all at once."""
     v = np.asarray(road["v"])
     every = slice(0, road.sizes["u"])
-    pycrg.write(path, block_heights(road, every) - flat.heights(v, every), v=v, **keywords)
+    pycrg.write(path, load_heights(road, every) - flat.heights(v, every), v=v, **keywords)
 
 
 def write_blocks(road: xr.Dataset, flat: FlatRoad, path: Path, fmt: str) -> None:
@@ -110,6 +111,33 @@ def write_blocks(road: xr.Dataset, flat: FlatRoad, path: Path, fmt: str) -> None
                 raise ValueError(message)
             stream.write(content)
         stream.write(record_padding(stream.tell() - len(header), fmt))
+
+
+def copy_sections(header: CrgHeader, part: Path, kept: npt.NDArray[np.int64], v: Floats) -> None:
+    """Copy a binary file with some of its long sections, number by number.
+
+    Parameters
+    ----------
+    header : CrgHeader
+        Header of the file.
+    part : Path
+        File to write.
+    kept : ndarray of int
+        Numbers of the sections, from right to left.
+    v : ndarray
+        Offsets of all sections, from right to left [m].
+    """
+    fmt = header.number_format or ""
+    numbers = CrgPayload(header, section_offsets(header))
+    with header.path.open("rb") as source:
+        text = with_sections(source.read(header.data_offset), v[kept], fmt, part)
+    with part.open("wb") as stream:
+        stream.write(text)
+        for rows in row_blocks(numbers.shape):
+            channels, grid = numbers[rows]
+            table = np.concatenate([channels, grid[:, kept]], axis=1)
+            stream.write(table.astype(number_type(fmt)).tobytes())
+        stream.write(record_padding(stream.tell() - len(text), fmt))
 
 
 def record_padding(length: int, fmt: str) -> bytes:

@@ -20,12 +20,12 @@ import pycrg
 import xarray as xr
 
 from trueterrain.core.errors import OutputError
+from trueterrain.core.row_blocks import height_blocks
 from trueterrain.formats.opencrg import _rules
-from trueterrain.formats.opencrg._blocks import height_blocks, row_blocks
 from trueterrain.formats.opencrg._header import CrgHeader, read_header, station_count
 from trueterrain.formats.opencrg._offsets import section_offsets
 from trueterrain.formats.opencrg._payload import CrgPayload
-from trueterrain.formats.opencrg._stream import FlatRoad, number_type, record_padding, with_sections
+from trueterrain.formats.opencrg._stream import FlatRoad, copy_sections, number_type
 
 Floats = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -75,7 +75,7 @@ def require_same(road: xr.Dataset, path: Path, fmt: str, flat: FlatRoad) -> None
         kept = np.unique(np.linspace(0, v.size - 1, count).astype(int))
     cells = _CheckCells(numbers.rows, kept)
     largest = _compare_numbers(road, numbers, flat, cells, path, fmt)
-    with _evaluate_file(path, header, kept, v, fmt) as crg:
+    with _evaluate_file(path, header, kept, v) as crg:
         _compare_line(crg, road, flat, path)
         _compare_evaluation(crg, road, cells, path, _ROUND_OFF + 2 * _C_API_ROUNDING * largest)
 
@@ -207,7 +207,7 @@ def _max_difference(found: Floats, should: Floats, path: Path) -> float:
 
 @contextmanager
 def _evaluate_file(
-    path: Path, header: CrgHeader, kept: Index, v: Floats, fmt: str
+    path: Path, header: CrgHeader, kept: Index, v: Floats
 ) -> Iterator[pycrg.RoadSurface]:
     """Open the file in the C-API, or a copy with some of its long sections."""
     if kept.size == v.size:
@@ -216,28 +216,9 @@ def _evaluate_file(
         return
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".") as folder:
         part = Path(folder) / "part.crg"
-        _write_part(path, header, part, kept, v, fmt)
+        copy_sections(header, part, kept, v)
         with pycrg.RoadSurface.open(part, apply_modifiers=False) as crg:
             yield crg
-
-
-def _write_part(
-    path: Path, header: CrgHeader, part: Path, kept: Index, v: Floats, fmt: str
-) -> None:
-    """Copy a file with some of its long sections, byte by byte."""
-    rows, columns = station_count(header) or 0, len(header.channels)
-    before = columns - v.size
-    chosen = np.concatenate([np.arange(before), before + kept])
-    with path.open("rb") as source:
-        text = with_sections(source.read(header.data_offset), v[kept], fmt, part)
-        with part.open("wb") as stream:
-            stream.write(text)
-            for block in row_blocks((rows, columns)):
-                count = (block.stop - block.start) * columns
-                content = source.read(count * number_type(fmt).itemsize)
-                table = np.frombuffer(content, dtype=number_type(fmt)).reshape(-1, columns)
-                stream.write(table[:, chosen].tobytes())
-            stream.write(record_padding(stream.tell() - len(text), fmt))
 
 
 def _difference_error(found: str, place: str, path: Path) -> OutputError:

@@ -13,9 +13,9 @@ import xarray as xr
 from trueterrain._version import __version__
 from trueterrain.core import provenance, require_writable, whole_output
 from trueterrain.core.errors import FormatError, OutputError
+from trueterrain.core.row_blocks import height_blocks, load_heights
 from trueterrain.core.schemas import SCHEMA, check_surface
 from trueterrain.formats.opencrg import _fit, _verify
-from trueterrain.formats.opencrg._blocks import block_heights, height_blocks
 from trueterrain.formats.opencrg._header import NUMBER_FORMATS
 from trueterrain.formats.opencrg._median import blockwise_median
 from trueterrain.formats.opencrg._read import CRS_MARK, HISTORY_MARK
@@ -158,7 +158,7 @@ def _median_offset(road: xr.Dataset, elevation: Floats) -> float:
     sample = slice(0, road.sizes["u"], max(1, road["height"].size // _SAMPLE))
     return blockwise_median(
         lambda: (above(block, rows) for rows, block in height_blocks(road)),
-        above(block_heights(road, sample), sample),
+        above(load_heights(road, sample), sample),
     )
 
 

@@ -19,6 +19,16 @@ complete; arrays and chunks that are lost or damaged later are detected when it 
 from trueterrain.formats.signature import kind_of_store as kind
 from trueterrain.formats.store._describe import describe
 from trueterrain.formats.store._read import blocks, point_variables, read
+from trueterrain.formats.store._surface import SurfaceStore, open_surface
 from trueterrain.formats.store._write import write
 
-__all__ = ["blocks", "describe", "kind", "point_variables", "read", "write"]
+__all__ = [
+    "SurfaceStore",
+    "blocks",
+    "describe",
+    "kind",
+    "open_surface",
+    "point_variables",
+    "read",
+    "write",
+]

@@ -163,6 +163,19 @@ def create_array(
     )
 
 
+def array_entry(
+    name: str, array: "zarr.Array[Any]", dims: tuple[Any, ...], *, coordinate: bool
+) -> ArrayEntry:
+    """Description of an array for the summary."""
+    return ArrayEntry(
+        name=name,
+        dims=[str(dim) for dim in dims],
+        shape=list(array.shape),
+        dtype=str(array.dtype),
+        coordinate=coordinate,
+    )
+
+
 def as_numbers(variable: xr.Variable) -> tuple[Any, dict[Any, Any]]:
     """Variable and attributes to write; texts become integers, as Zarr 3 has no type for them."""
     if variable.dtype.kind not in "UOT":

@@ -14,8 +14,8 @@ from trueterrain.core.schemas import check_points, check_profile, check_surface,
 from trueterrain.formats.store._layout import (
     BOUNDS,
     CHUNK,
-    ArrayEntry,
     Values,
+    array_entry,
     as_numbers,
     create_array,
     create_group,
@@ -92,9 +92,7 @@ def _write_whole(data: xr.Dataset, kind: str, target: Path, path: Path) -> None:
     for name, variable in data.variables.items():
         add = statistics.add if statistics is not None and name == "height" else None
         array = _write_variable(root, str(name), variable, rows, add, path)
-        entries.append(
-            _array_entry(str(name), array, variable.dims, coordinate=name in data.coords)
-        )
+        entries.append(array_entry(str(name), array, variable.dims, coordinate=name in data.coords))
     write_summary(root, entries, {} if statistics is None else statistics.to_dict())
 
 
@@ -182,7 +180,7 @@ def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> Non
         rows="chunk",
     )[...] = bounds
     entries = [
-        _array_entry(name, array, ("point",), coordinate=name in layout.coordinates)
+        array_entry(name, array, ("point",), coordinate=name in layout.coordinates)
         for name, array in arrays.items()
     ]
     write_summary(root, entries, statistics.to_dict())
@@ -255,15 +253,3 @@ def _join_blocks(blocks: list[dict[str, Values]]) -> dict[str, Values]:
     if len(blocks) == 1:
         return blocks[0]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-
-
-def _array_entry(
-    name: str, array: "zarr.Array[Any]", dims: tuple[Any, ...], *, coordinate: bool
-) -> ArrayEntry:
-    return ArrayEntry(
-        name=name,
-        dims=[str(dim) for dim in dims],
-        shape=list(array.shape),
-        dtype=str(array.dtype),
-        coordinate=coordinate,
-    )

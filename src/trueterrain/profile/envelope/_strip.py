@@ -62,8 +62,11 @@ class SurfaceLines:
     def __init__(
         self, surface: xr.Dataset, path: WheelPath, offsets: Float, step: float | None
     ) -> None:
-        # converted once, and not for each part of the path
-        self._surface = surface.assign(height=surface["height"].astype(float))
+        # converted once, and not for each part of the path; on disk heights are float64 already
+        converted = surface["height"].dtype != np.float64
+        self._surface = (
+            surface.assign(height=surface["height"].astype(float)) if converted else surface
+        )
         self._frame = grid_frame(surface)
         self._path = path
         self._heading = np.unwrap(path.heading)

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.core.row_blocks import load_heights, stored_rows
 from trueterrain.geometry.grid_frame import GridFrame, grid_frame, xy_to_uv
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import EDGE_TOLERANCE, SearchArea, area_reach
@@ -119,16 +120,19 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
     origin = np.stack([frame.origin_easting, frame.origin_northing], axis=1)
     normal = np.stack([frame.normal_easting, frame.normal_northing], axis=1)
     dims = ("u", "v") if "u" in surface.dims else ("easting", "northing")
-    height = np.ascontiguousarray(surface.height.transpose(*dims), dtype=float)
+    load = _row_loader(surface, dims)
 
     def gather(path: WheelPath) -> tuple[Integer, Fill]:
         u, _ = xy_to_uv(frame, path.easting, path.northing)
         row = np.searchsorted(frame.u, u, side="right") - 1
         row = np.where(np.isnan(u), -1, np.clip(row, 0, frame.u.size - 2))
         at, heading = path_arrays(path)
+        rows = _reached_rows(origin, normal, at, row, area_reach(area))
+        height = load(rows)
 
         def gather_rows(start: Integer, *output: Float) -> tuple[Integer, npt.NDArray[np.bool_]]:
-            grid = origin, normal, frame.v, height, at, row, heading
+            own = np.where(row < 0, -1, row - rows.start)
+            grid = origin[rows], normal[rows], frame.v, height, at, own, heading
             counts, at_edge = gather_grid(*grid, *kernel_area(area), start, *output)
             return counts, at_edge
 
@@ -136,7 +140,7 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
         edge = np.flatnonzero(at_edge)
         if edge.size == 0:
             return counts, gather_rows
-        counts[edge], fill_edge = _search_scattered(frame, height, path, edge, area)
+        counts[edge], fill_edge = _search_scattered(frame, load, path, edge, area)
 
         def fill(start: Integer, *output: Float) -> None:
             gather_rows(start, *output)
@@ -147,8 +151,40 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
     return gather
 
 
+def _row_loader(surface: xr.Dataset, dims: tuple[str, str]) -> Callable[[slice], Float]:
+    """Heights of some rows; of a surface along a line on disk only these are read."""
+    if "u" in surface.dims and stored_rows(surface) is not None:
+        return lambda rows: np.ascontiguousarray(load_heights(surface, rows))
+    whole = np.ascontiguousarray(surface.height.transpose(*dims), dtype=float)
+    return lambda rows: whole[rows]
+
+
+def _reached_rows(origin: Float, normal: Float, at: Float, row: Integer, reach: float) -> slice:
+    """Rows in which the search of some path points ends: the first and the last are out of reach.
+
+    So a search finds the same nodes as among all rows, and the edges of these rows count as edges
+    of the surface only where they are.
+    """
+    known = row >= 0
+    if not known.any():
+        return slice(0, 2)
+    low, high, margin = int(row[known].min()), int(row[known].max()) + 2, 8
+    while True:
+        rows = slice(max(low - margin, 0), min(high + margin, len(origin)))
+        ends = [i for i in (rows.start, rows.stop - 1) if 0 < i < len(origin) - 1]
+        away = at[known, None] - origin[ends]
+        across = away[..., 0] * normal[ends, 1] - away[..., 1] * normal[ends, 0]
+        if (np.abs(across) > reach * np.hypot(*normal[ends].T)).all():
+            return rows
+        margin *= 2
+
+
 def _search_scattered(
-    frame: GridFrame, height: Float, path: WheelPath, some: Integer, area: SearchArea
+    frame: GridFrame,
+    load: Callable[[slice], Float],
+    path: WheelPath,
+    some: Integer,
+    area: SearchArea,
 ) -> tuple[Integer, Fill]:
     """Gather the nodes in some search areas by searching them as scattered points."""
     some_path = WheelPath(
@@ -168,7 +204,7 @@ def _search_scattered(
         low, high = ends.min(axis=0) - area_reach(area), ends.max(axis=0) + area_reach(area)
         if ((at >= low) & (at <= high)).all(axis=1).any():
             nodes = origin[:, None] + frame.v[:, None] * normal[:, None]
-            scattered.add_heights(nodes[..., 0].ravel(), nodes[..., 1].ravel(), height[cut].ravel())
+            scattered.add_heights(nodes[..., 0].ravel(), nodes[..., 1].ravel(), load(cut).ravel())
     return scattered.gatherer()(some_path)
 
 

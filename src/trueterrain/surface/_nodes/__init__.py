@@ -25,7 +25,7 @@ _SLOPE_LIMIT = 2.0  # times the gentler of the steps to both sides
 
 @dataclass(frozen=True, eq=False)
 class NodeValues:
-    """Heights, standard deviations and counts of all nodes of a grid: 16 bytes for each."""
+    """Heights, standard deviations and counts of the nodes of some rows: 16 bytes for each."""
 
     height: Floats
     "Heights, shape (u, v) [m]."
@@ -36,10 +36,21 @@ class NodeValues:
     count: npt.NDArray[np.int32]
     "Returns, shape (u, v)."
 
+    first: int = 0
+    "Row of the grid that comes first."
+
     @classmethod
-    def empty(cls, shape: tuple[int, int]) -> "NodeValues":
+    def empty(cls, rows: range, columns: int) -> "NodeValues":
         """Uninitialised arrays."""
-        return cls(np.empty(shape), np.empty(shape, np.float32), np.empty(shape, np.int32))
+        shape = len(rows), columns
+        return cls(
+            np.empty(shape), np.empty(shape, np.float32), np.empty(shape, np.int32), rows.start
+        )
+
+    def of(self, rows: range) -> "NodeValues":
+        """Views of some rows of the grid."""
+        own = slice(rows.start - self.first, rows.stop - self.first)
+        return NodeValues(self.height[own], self.sd[own], self.count[own], rows.start)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,6 +135,7 @@ def compute_nodes(
         low = options.statistic == "minimum"
         stored = of(part.lows if low else part.highs) - float(HEIGHT_OFFSET)
         value, effective = (-stored if low else stored) * STEP, np.ones_like(n)
+    out = nodes.of(range(begin, end))
     _kernels.store_rows(
         value,
         single,
@@ -136,9 +148,9 @@ def compute_nodes(
         _quantile_variance_factor(options.fraction),
         options.min_count,
         begin - around.start,
-        nodes.height[begin:end],
-        nodes.sd[begin:end],
-        nodes.count[begin:end],
+        out.height,
+        out.sd,
+        out.count,
     )
 
 

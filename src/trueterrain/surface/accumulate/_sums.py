@@ -142,7 +142,7 @@ class CellSums:
             not that of the scans before.
         """
         time = np.asarray(time, dtype=np.float64)
-        self._note_datum(geometry.trajectory.datum_sd)
+        self.note_datum(geometry.trajectory.datum_sd)
         returns = StoredReturns(
             geometry=geometry,
             time=time,
@@ -190,7 +190,7 @@ class CellSums:
                 cure="Grid points with and without standard deviations apart.",
             )
         own = np.asarray(sd, dtype=np.float64) if self.wanted.point_sd else np.empty(0)
-        self._note_datum(0.0 if self.wanted.point_sd else None)
+        self.note_datum(0.0 if self.wanted.point_sd else None)
         cells, into = self._layout(), (self._collection or HeightCollection()).arrays
 
         def work(part: ThreadSums, begin: int, end: int) -> None:
@@ -321,8 +321,14 @@ class CellSums:
         variance, scans = total
         return float(variance / scans) if scans else 0.0
 
-    def _note_datum(self, sd: float | None) -> None:
-        """Of several datums the one with the largest standard deviation counts."""
+    def note_datum(self, sd: float | None) -> None:
+        """Take up the datum of a pass: of several the largest standard deviation counts.
+
+        Parameters
+        ----------
+        sd : float or None
+            Standard deviation of the height error that it has in common with other passes [m].
+        """
         known = self.datum_sd is not None and sd is not None
         self.datum_sd = max(self.datum_sd or 0.0, sd or 0.0) if known else None
 
