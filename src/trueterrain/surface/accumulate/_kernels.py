@@ -65,7 +65,7 @@ def accumulate_scans(
     reach : `RowsReached`, output
     into : `CollectedHeights`, output, see above
     """
-    # locals, so that the compiler keeps them in registers
+    # unpacked once; the loops read them by the symbols of the formulas
     ranges, scale, missing, nearest, furthest, intensity, floor, saturation = returns[:8]
     good_weight, flagged_weight = returns.good_weight, returns.flagged_weight
     px, py, nx, ny, dx, dy, lean, widen, length = strips
