@@ -19,7 +19,7 @@ from trueterrain.formats.navigation.schema import (
     check_structure,
     navigation_of,
 )
-from trueterrain.formats.run._open import open_tree
+from trueterrain.formats.run._handle import open_unchecked
 from trueterrain.formats.run._schema import (
     GROUPS,
     KIND,
@@ -378,7 +378,7 @@ class RunWriter:
     def _check(self) -> None:
         assert self._temporary is not None
         try:
-            check_run(open_tree(self._temporary), self._temporary)
+            check_run(open_unchecked(self._temporary), self._temporary)
         except (SchemaError, FormatError) as error:
             # errors name the output, not the temporary name
             raise type(error)(
