@@ -648,7 +648,7 @@ def test_time_that_runs_backwards(store):
 
 def test_time_that_runs_backwards_between_two_blocks(store):
     """The rules are checked across the limits of blocks."""
-    from trueterrain.formats.navigation.schema import TimeChecker
+    from trueterrain.core.schemas.navigation import TimeChecker
 
     clock = TimeChecker(path=None, place="time")
     clock.check(np.array([1.0, 2.0]))

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.core.errors import FormatError, name_file_in_errors
+from trueterrain.core.errors import FormatError, name_file_in_errors, suggest_name
 from trueterrain.formats._parquet import import_pyarrow, parquet_damage_named, require_numbers
-from trueterrain.formats._suggestions import suggest_name
 from trueterrain.formats._text_head import Head, find_head, number_of
 from trueterrain.formats._text_rows import GAPS, TextRows
 from trueterrain.formats.navigation_signature import is_navigation

@@ -26,6 +26,7 @@ that it returns. `scan_blocks` reads its scans, `check_run` checks it, `import_r
 files to a run.
 """
 
+from trueterrain.core.schemas.run import Mounting
 from trueterrain.formats._zarr import StoredArray
 from trueterrain.formats.run._copy import write
 from trueterrain.formats.run._describe import describe
@@ -38,7 +39,6 @@ from trueterrain.formats.run._import import (
     import_run,
 )
 from trueterrain.formats.run._open import open_run, scan_blocks
-from trueterrain.formats.run._schema import Mounting
 from trueterrain.formats.run._write import RunWriter
 from trueterrain.formats.run.rules import check_run
 

@@ -10,11 +10,11 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import SchemaError, TrueTerrainError
+from trueterrain.core.schemas.run import QUANTUM, Mounting
 from trueterrain.formats._zarr import find_damaged_chunks
 from trueterrain.formats.navigation.records import IntervalStatistics
 from trueterrain.formats.run._handle import open_unchecked
 from trueterrain.formats.run._open import scan_blocks
-from trueterrain.formats.run._schema import QUANTUM, Mounting
 from trueterrain.formats.run.rules import group_of, row_blocks, rules_of, span_of
 
 Floats = npt.NDArray[np.float64]

@@ -7,6 +7,7 @@ import xarray as xr
 from xarray.core import indexing
 
 from trueterrain.core.errors import FormatError, SchemaError
+from trueterrain.core.schemas.run import Mounting
 from trueterrain.formats._zarr import (
     ARRAYS,
     StoredArray,
@@ -16,7 +17,6 @@ from trueterrain.formats._zarr import (
     read_group_attrs,
     require_whole,
 )
-from trueterrain.formats.run._schema import Mounting
 
 
 class Run(xr.DataTree):  # type: ignore[no-untyped-call] # xarray checks its subclasses

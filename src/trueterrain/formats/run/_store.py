@@ -9,9 +9,9 @@ import numpy.typing as npt
 import zarr
 
 from trueterrain.core import Checksums
+from trueterrain.core.schemas.run import ROW_CHUNK
 from trueterrain.formats._zarr import ARRAYS
 from trueterrain.formats._zarr_write import create_array, json_attrs, make_compressors
-from trueterrain.formats.run._schema import ROW_CHUNK
 
 _CHUNK_VALUES = 1_000_000  # largest number of values in a chunk of several dimensions
 

@@ -12,15 +12,14 @@ import xarray as xr
 
 from trueterrain.core import require_writable, whole_store
 from trueterrain.core.errors import FormatError, SchemaError
-from trueterrain.formats.navigation.schema import (
+from trueterrain.core.schemas.navigation import (
     NAVIGATION,
     EpochRules,
     TimeChecker,
     check_structure,
     navigation_of,
 )
-from trueterrain.formats.run._handle import open_unchecked
-from trueterrain.formats.run._schema import (
+from trueterrain.core.schemas.run import (
     GROUPS,
     KIND,
     QUANTUM,
@@ -31,6 +30,7 @@ from trueterrain.formats.run._schema import (
     TIME_REFERENCES,
     Mounting,
 )
+from trueterrain.formats.run._handle import open_unchecked
 from trueterrain.formats.run._store import AppendableStore
 from trueterrain.formats.run._values import (
     fan_of,

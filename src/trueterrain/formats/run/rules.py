@@ -8,16 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.core.errors import SchemaError
-from trueterrain.formats._suggestions import suggest_name
-from trueterrain.formats.navigation.schema import (
+from trueterrain.core.errors import SchemaError, suggest_name
+from trueterrain.core.schemas.navigation import (
     TimeChecker,
     check_length,
     check_navigation,
     check_structure,
 )
-from trueterrain.formats.run._handle import Run
-from trueterrain.formats.run._schema import (
+from trueterrain.core.schemas.run import (
     ACCELEROMETERS,
     GROUPS,
     KIND,
@@ -26,6 +24,7 @@ from trueterrain.formats.run._schema import (
     TIME_REFERENCES,
     Mounting,
 )
+from trueterrain.formats.run._handle import Run
 from trueterrain.geometry.navigation_frames import check_origin
 
 Floats = npt.NDArray[np.float64]
