@@ -7,20 +7,21 @@ from trueterrain.cli._console import write_note
 from trueterrain.core.errors import SchemaError
 
 if TYPE_CHECKING:
+    from trueterrain.formats.run import Run
     from trueterrain.motion import Trajectory
 
 Method = Literal["navigation", "thesis", "zero-phase", "wiener", "rts"]
 
 
 def run_trajectory(
-    run: Path, method: Method, begin: float | None = None, end: float | None = None
+    run: "Run | Path", method: Method, begin: float | None = None, end: float | None = None
 ) -> "Trajectory":
     """Trajectory of the body over a run; problems of motion and scans are noted on stderr.
 
     Parameters
     ----------
-    run : Path
-        Store of the run.
+    run : Run or Path
+        The run, or its store.
     method : str
         Method of `trueterrain.motion.fuse_motion`.
     begin, end : float, optional
@@ -43,7 +44,7 @@ def run_trajectory(
 
     processed = process_run(run, FusionSettings(method=method), begin=begin, end=end)
     for problem in processed.problems:
-        write_note(f"{run}: {problem}")
+        write_note(f"{processed.record.run.source}: {problem}")
     return processed.trajectory
 
 

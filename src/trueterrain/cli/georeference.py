@@ -92,16 +92,16 @@ def georeference(
         check_crs(crs)
     require_run(run)
     formats.require_writable(output, force=force, inputs=[run], kind="points")
-    tree = open_run(run)
+    opened = open_run(run)
     if crs is not None:
-        check_crs(crs, tree.attrs["origin"])
-    trajectory = run_trajectory(run, method)
-    blocks = points_of(run, trajectory, screening=screening, range_noise=range_noise, lane=lane)
+        check_crs(crs, opened.origin)
+    trajectory = run_trajectory(opened, method)
+    blocks = points_of(opened, trajectory, screening=screening, range_noise=range_noise, lane=lane)
     with progress_bar() as progress:
-        counted = PointCounter(blocks, progress, tree["scans"].sizes["scan"])
+        counted = PointCounter(blocks, progress, opened["scans"].sizes["scan"])
         points = iter(counted)
         if crs is not None:
-            origin, system = tree.attrs["origin"], crs
+            origin, system = opened.origin, crs
             points = (into_crs(block, origin, system) for block in iter(counted))
         formats.write(points, output, force=force)
     report = {"output": str(output), **_point_counts(counted.last)}

@@ -207,11 +207,12 @@ def grid(
     workers = worker_threads(threads)
     with progress_bar() as progress:
         if kind == "run":
+            from trueterrain.formats.run import open_run
             from trueterrain.surface.runs import PassRecord, grid_runs
 
             passes = [
-                PassRecord(path=run, trajectory=run_trajectory(run, method, begin, end))
-                for run in inputs
+                PassRecord(run=run, trajectory=run_trajectory(run, method, begin, end))
+                for run in map(open_run, inputs)
             ]
             surface, counts = grid_runs(
                 passes,

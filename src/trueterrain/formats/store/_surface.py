@@ -12,7 +12,7 @@ from trueterrain.formats.store._layout import (
     Values,
     array_entry,
     create_array,
-    create_group,
+    create_store,
     open_store,
     rows_of,
     write_summary,
@@ -103,12 +103,12 @@ class SurfaceStore:
 
     def __init__(self, path: str | Path, template: xr.Dataset) -> None:
         self.path = Path(path)
-        root = create_group(self.path, template.attrs)
+        self._store = create_store(self.path, template.attrs)
         self._arrays = {}
         entries = []
         for name, variable in template.variables.items():
             array = create_array(
-                root,
+                self._store,
                 str(name),
                 dims=variable.dims,
                 shape=variable.shape,
@@ -123,7 +123,7 @@ class SurfaceStore:
             entries.append(
                 array_entry(str(name), array, variable.dims, coordinate=name in template.coords)
             )
-        write_summary(root, entries, SurfaceStatistics(template).to_dict())
+        write_summary(self._store, entries, SurfaceStatistics(template).to_dict())
 
     @property
     def chunk(self) -> int:
