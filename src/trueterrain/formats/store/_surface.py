@@ -103,12 +103,12 @@ class SurfaceStore:
 
     def __init__(self, path: str | Path, template: xr.Dataset) -> None:
         self.path = Path(path)
-        self._store = create_store(self.path, template.attrs)
+        store = create_store(self.path, template.attrs)
         self._arrays = {}
         entries = []
         for name, variable in template.variables.items():
             array = create_array(
-                self._store,
+                store,
                 str(name),
                 dims=variable.dims,
                 shape=variable.shape,
@@ -123,7 +123,7 @@ class SurfaceStore:
             entries.append(
                 array_entry(str(name), array, variable.dims, coordinate=name in template.coords)
             )
-        write_summary(self._store, entries, SurfaceStatistics(template).to_dict())
+        write_summary(store, entries, SurfaceStatistics(template).to_dict())
 
     @property
     def chunk(self) -> int:
