@@ -9,6 +9,8 @@ import pytest
 import trueterrain as tt
 from trueterrain.cli import command_line
 from trueterrain.core.schemas import make_points, make_profile
+from trueterrain.formats.settings import attribute_docs
+from trueterrain.motion import FusionSettings
 from trueterrain.simulate.scene import read_scene, record_scene
 
 SCENE = """
@@ -40,6 +42,7 @@ CALLS = {
     "simulate": ["none.toml", "-o", "OUT"],
 }
 NO_NUMBERS = {"doctor", "info", "init", "verify"}
+MOTION = set(attribute_docs(FusionSettings).values())
 NEVER = ("nan", "inf", "-inf", "1e300", "1e-300", "", "abc")  # refused before anything is read
 PERHAPS = ("0", "-1")  # for the command to judge
 MANY = ("70000", str(2**63 - 1))  # of whole numbers
@@ -66,6 +69,8 @@ def numbers_of(hint: object) -> list[type | None]:
 def numeric_options(command: str) -> list[tuple[str, list[type | None]]]:
     """Options of a command that take numbers."""
     options = command_line()[command].assemble_argument_collection(parse_docstring=False)
+    if command in ("grid", "calibrate"):  # georeference has the same options of the motion
+        options = [one for one in options if one.parameter.help not in MOTION]
     found = [(option.name, numbers_of(option.hint)) for option in options]
     return [(name, kinds) for name, kinds in found if kinds and name.startswith("--")]
 

@@ -107,17 +107,11 @@ class PointCounter:
         Points.
     progress : callable
         Shows progress.
-    scans : int, optional
-        Number of scans of the run that the points come from; the attribute ``scans`` of each block
-        is then the number of scans done.
     """
 
-    def __init__(
-        self, blocks: "Iterator[xr.Dataset]", progress: "Progress", scans: int | None = None
-    ) -> None:
+    def __init__(self, blocks: "Iterator[xr.Dataset]", progress: "Progress") -> None:
         self._blocks = blocks
         self._progress = progress
-        self._scans = scans
         self.points = 0
         self.last: xr.Dataset | None = None
 
@@ -127,8 +121,7 @@ class PointCounter:
             # counted after the yield: a block counts when its consumer asks for the next one
             self.points += block.sizes["point"]
             self.last = block
-            done = 0 if self._scans is None else block.attrs["scans"]
-            self._progress(f"{self.points:,} points", done, self._scans)
+            self._progress(f"{self.points:,} points", 0, None)
 
 
 class PointsAlong:
