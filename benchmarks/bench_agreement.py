@@ -49,7 +49,7 @@ def bench() -> list[dict[str, Any]]:
     apart = {"A": profiles["A"], "B": make_profile(station, stretched)}
 
     shift_only = AgreementSettings(max_shift=MAX_SHIFT, max_scale=0)
-    ours, found = fastest(lambda: profile_agreement(profiles, options=shift_only), REPEATS)
+    ours, found = fastest(lambda: profile_agreement(profiles, settings=shift_only), REPEATS)
     pair = found.sel(first="A", second="B").squeeze("track")
     require("our rating", float(pair.rating), GAIN, AGREE)
     require("our shift", float(pair.best_shift), LATE * SPACING, WITHIN)

@@ -60,7 +60,7 @@ def bench() -> list[dict[str, Any]]:
         message = f"the peer's density {peer_density!r} differs from ours, {density!r}"
         raise AssertionError(message)
     segments, _ = fastest(lambda: iri(profile, segment=100.0).iri.item())
-    irregular, _ = fastest(lambda: iri(unequal, options=exact).iri.item(), repeats=2)
+    irregular, _ = fastest(lambda: iri(unequal, settings=exact).iri.item(), repeats=2)
     return [
         row("IRI, equal spacing", ours, state, "scipy lfilter, start as filter state"),
         row("IRI, equal spacing", ours, eigen, "scipy lfilter + eigen free response"),

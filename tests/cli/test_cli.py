@@ -57,7 +57,8 @@ def test_every_command_explains_every_option(run, command):
     finished = run(command, "--help")
     assert finished.code == 0
     text = " ".join(finished.out.replace("│", " ").split())
-    for option in command_line()[command].assemble_argument_collection(parse_docstring=True):
+    options = command_line()[command].assemble_argument_collection(parse_docstring=True)
+    for option in (one for one in options if one.show):
         assert option.parameter.help, f"{command} {option.name} has no help"
         assert option.name in text
 

@@ -80,7 +80,7 @@ def test_the_demo_writes_its_files_and_prints_correct_results(run, tmp_path):
     ("options", "part"),
     [
         (("--length", 5), "length must be from 12 m to 500 m, got 5"),
-        (("--length", "nan"), "--length. must be 0, or from 1e-12"),
+        (("--length", "nan"), "--length: must be 0, or from 1e-12"),
         (("--length", 1e9), "length must be from 12 m to 500 m, got 1e+09"),
         (("--seed", -1), "seed must be"),
     ],

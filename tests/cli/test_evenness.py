@@ -178,7 +178,7 @@ def test_bad_files(run, tmp_path):
             "--threshold must be greater than 0 and less than 0.5 m, got 4; 4 mm",
         ),
         (("--threshold", "-0.01"), "--threshold must be greater than 0"),
-        (("--threshold", "nan"), "--threshold. must be 0, or from 1e-12"),
+        (("--threshold", "nan"), "--threshold: must be 0, or from 1e-12"),
         (("--segment", "0"), "segment must be finite and at least"),
         (("--straightedge", "0"), "length must be finite and greater than 0 m"),
         (("--band", "a", "3", "1"), "shortest must be less than longest, got 3 and 1 m"),

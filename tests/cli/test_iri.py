@@ -96,7 +96,7 @@ def test_options_reach_the_index(capsys, csv_file, two):
     arguments = ["--window", "exact", "--window-length", "0.3", "--start", "0.5s", "--restart"]
     document = json.loads(run(capsys, csv_file, *arguments, "--segment", "60", "--json"))
     options = roughness.IriSettings(window="exact", window_length=0.3, start="0.5s", restart=True)
-    truth = roughness.iri(two.isel(track=0, drop=True), options=options, segment=60.0)
+    truth = roughness.iri(two.isel(track=0, drop=True), settings=options, segment=60.0)
     values = [segment["iri"] for segment in document["tracks"][0]["segments"]]
     assert_allclose(values, truth.segment_iri[0], rtol=0, atol=WRITTEN)
 

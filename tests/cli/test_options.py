@@ -1,5 +1,6 @@
 """Numeric options of all commands: an invalid number is one line and exit code 2."""
 
+import dataclasses
 import types
 import typing
 
@@ -11,6 +12,9 @@ from trueterrain.cli import command_line
 from trueterrain.core.schemas import make_points, make_profile
 from trueterrain.formats.settings import attribute_docs
 from trueterrain.motion import FusionSettings
+from trueterrain.profile import TyreProfileSettings
+from trueterrain.roughness import IriSettings, PsdSettings, RideNumberSettings
+from trueterrain.roughness.agreement import AgreementLimits, AgreementSettings
 from trueterrain.simulate.scene import read_scene, record_scene
 
 SCENE = """
@@ -151,4 +155,103 @@ def test_sizes_that_no_machine_could_hold_are_refused_at_once(
     monkeypatch.chdir(folder)
     finished = run(*arguments)
     assert (finished.code, finished.out) == (2, "")
+    assert rule in finished.err
+
+
+@pytest.mark.parametrize(
+    ("command", "settings", "omitted"),
+    [
+        (
+            "iri",
+            IriSettings(
+                window="exact",
+                window_length=0.3,
+                restart=True,
+                speed=20.0,
+                spacing_tolerance=0.01,
+                start="level",
+                max_spacing=0.5,
+            ),
+            {"car"},
+        ),
+        (
+            "rn",
+            RideNumberSettings(
+                window="none",
+                window_length=0.2,
+                restart=True,
+                speed=20.0,
+                spacing_tolerance=0.01,
+                start_length=11.0,
+                best=10.0,
+                steepness=80.0,
+                max_spacing=0.1,
+            ),
+            {"car"},
+        ),
+        ("psd", PsdSettings(block=50, lowest=0.1, highest=1, waviness=2, confidence=0.9), set()),
+        (
+            "compare",
+            AgreementSettings(
+                step=0.1, max_shift=1.0, max_scale=0.0, min_overlap=5.0, align_starts=True
+            ),
+            {"filter", "transient"},
+        ),
+        (
+            "compare",
+            AgreementLimits(
+                repeatability=0.0, accuracy=0.8, distance_error=0.01, bias=0.1, precision=0.2
+            ),
+            set(),
+        ),
+        ("profile", TyreProfileSettings(patch=(0.2, 0.1), level=True, min_count=5), set()),
+        ("profile", TyreProfileSettings(statistic="bridge", skip=5.0, average=50.0), set()),
+    ],
+)
+def test_each_setting_is_an_option_with_the_name_and_default_of_its_field(
+    command, settings, omitted
+):
+    fields = {field.name: getattr(settings, field.name) for field in dataclasses.fields(settings)}
+    listed = command_line()[command].assemble_argument_collection()
+    names = {f"--{name.replace('_', '-')}" for name in fields if name not in omitted}
+    assert names <= {option.name for option in listed if option.show}
+    usual = type(settings)()
+    words = []
+    for name, value in fields.items():
+        if value != getattr(usual, name):
+            values = value if isinstance(value, tuple) else () if value is True else (value,)
+            words += [f"--{name.replace('_', '-')}", *map(str, values)]
+    call = [part.replace("OUT", "out") for part in CALLS[command]]
+    for given, expected in ((words, settings), ([], usual)):
+        _, bound, _ = command_line().parse_args([command, *call, *given], exit_on_error=False)
+        bound.apply_defaults()
+        assert expected in bound.arguments.values()
+
+
+@pytest.mark.parametrize(
+    ("command", "option"), [("iri", "--car"), ("iri", "--car.damping"), ("compare", "--transient")]
+)
+def test_a_field_that_is_no_option_is_unknown(run, command, option):
+    finished = run(command, "a.csv", "b.csv", option, "1")
+    assert (finished.code, finished.out) == (2, "")
+    assert finished.err.startswith(f"trueterrain: error: Unknown option: {option}.")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rule"),
+    [
+        (("iri", "--window", "box"), 'Invalid value "box" for --window. Choose from: "sayers"'),
+        (("iri", "--window-length", "-1"), "window_length must be finite and greater than 0 m"),
+        (("iri", "--segment", "nan"), "--segment: must be 0, or from 1e-12"),
+        (("evenness", "--band", "a", "1", "inf"), "--band: must be 0, or from 1e-12"),
+        (("profile", "-o", "b.crg", "--line", "1", "2", "nan", "4"), "--line: must be 0, or from"),
+        (("profile", "-o", "b.crg", "--min-count", "2.5"), "--min-count: must be a whole number"),
+        (("profile", "-o", "b.crg", "--radius", "1", "--patch", "1", "1"), "only one of radius,"),
+        (("compare", "--bias", "0"), "bias must be finite and greater than 0"),
+    ],
+)
+def test_an_invalid_setting_is_one_line_that_names_it(run, arguments, rule):
+    command, *given = arguments
+    finished = run(command, "a.csv", *given)
+    assert (finished.code, finished.out, len(finished.err.splitlines())) == (2, "", 1)
     assert rule in finished.err

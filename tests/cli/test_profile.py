@@ -218,7 +218,7 @@ def test_half_a_laz_is_one_line(run, road, tmp_path):
         (("--offset", 0, "--spacing", 0), ("spacing must be greater than 0 m, got 0",)),
         (
             ("--offset", 0, "--spacing", "nan"),
-            ("--spacing. must be 0, or from 1e-12",),
+            ("--spacing: must be 0, or from 1e-12",),
         ),
         (("--offset", 0, "--spacing", 1e-12), ("at most 100,000,000 points", "coarser")),
         (("--offset", 0, "--spacing", 5), ("4 m long, shorter than the spacing of 5 m",)),

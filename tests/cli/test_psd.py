@@ -80,7 +80,7 @@ def test_options_reach_the_spectrum(run, erd_file, two):
     arguments = ("--block", "100", "--lowest", "0.1", "--highest", "1", "--waviness", "2")
     document = json.loads(run("psd", erd_file, *arguments, "--confidence", "0.5", "--json").out)
     options = roughness.PsdSettings(block=100, lowest=0.1, highest=1, waviness=2, confidence=0.5)
-    truth = roughness.psd(two, options=options)
+    truth = roughness.psd(two, settings=options)
     found = document["tracks"][0]["gd_n0"]
     assert_allclose(found["high"], truth.gd_n0_high[0], rtol=WRITTEN, atol=0)
     assert document["tracks"][0]["waviness"] == {"value": 2.0, "low": 2.0, "high": 2.0}

@@ -74,7 +74,7 @@ def test_options_reach_the_index(run, erd_file, two):
     arguments = ["--window", "exact", "--window-length", "0.3", "--restart", "--segment", "60"]
     document = json.loads(run("rn", erd_file, *arguments, "--json").out)
     options = roughness.RideNumberSettings(window="exact", window_length=0.3, restart=True)
-    truth = roughness.ride_number(two, options=options, segment=60.0)
+    truth = roughness.ride_number(two, settings=options, segment=60.0)
     values = [segment["rn"] for segment in document["tracks"][1]["segments"]]
     assert_allclose(values, truth.segment_rn[1], rtol=0, atol=WRITTEN)
 

@@ -36,8 +36,8 @@ def road(x):
     )
 
 
-def pair(first, second, **options):
-    found = profile_agreement({"A": first, "B": second}, options=AgreementSettings(**options))
+def pair(first, second, **settings):
+    found = profile_agreement({"A": first, "B": second}, settings=AgreementSettings(**settings))
     return found.sel(first="A", second="B").squeeze("track")
 
 
@@ -231,7 +231,7 @@ def test_starts_are_aligned_on_demand():
         CoverageError, match=r"A and B: overlap by less than 20 m .* Count stations"
     ):
         profile_agreement(runs)
-    found = profile_agreement(runs, options=AgreementSettings(align_starts=True))
+    found = profile_agreement(runs, settings=AgreementSettings(align_starts=True))
     assert_allclose(found.repeatability, 1.0, rtol=0, atol=1e-9)
 
 
@@ -241,7 +241,7 @@ def test_a_profile_shorter_than_the_filter_needs_is_refused():
     with pytest.raises(CoverageError, match=r"^B: is 34.9 m long, which must be at least 50 m: 30"):
         profile_agreement(runs)
     with pytest.raises(CoverageError, match="which must be at least 200 m: 180 m"):
-        profile_agreement(runs, options=AgreementSettings(filter=AIRFIELD_FILTER))
+        profile_agreement(runs, settings=AgreementSettings(filter=AIRFIELD_FILTER))
 
 
 def test_a_missing_height_is_named():
@@ -258,9 +258,9 @@ def test_unequal_spacing_is_refused_by_filters_that_need_it_equal(by):
     jittered = s + np.random.default_rng(3).uniform(-0.02, 0.02, s.size)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(jittered, road(jittered))}
     with pytest.raises(SchemaError, match=r"^B: axis s: must be equally spaced"):
-        profile_agreement(runs, options=AgreementSettings(filter=by))
+        profile_agreement(runs, settings=AgreementSettings(filter=by))
     smooth = AgreementSettings(filter=MovingAverage(shortest=0.5))  # needs no equal spacing
-    assert profile_agreement(runs, options=smooth).repeatability > 0.999
+    assert profile_agreement(runs, settings=smooth).repeatability > 0.999
 
 
 def test_heights_in_feet_are_flagged():
@@ -275,7 +275,7 @@ def test_stations_in_feet_are_flagged():
     s = np.arange(0.0, 300.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s / 0.3048, road(s))}
     with pytest.warns(UserWarning, match="B is 983.9.* are the stations of B in feet"):
-        profile_agreement(runs, options=AgreementSettings(max_scale=0))
+        profile_agreement(runs, settings=AgreementSettings(max_scale=0))
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
@@ -299,7 +299,7 @@ def test_a_search_that_ends_at_its_limit_is_flagged():
     s = np.arange(0.0, 200.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s, road(s - 1.3))}
     with pytest.warns(UserWarning, match="is at the end of the search"):
-        profile_agreement(runs, options=AgreementSettings(max_shift=1.3, max_scale=0))
+        profile_agreement(runs, settings=AgreementSettings(max_shift=1.3, max_scale=0))
 
 
 def test_a_periodic_road_is_flagged():
@@ -309,7 +309,7 @@ def test_a_periodic_road_is_flagged():
     runs = {"A": make_profile(s, wave[0]), "B": make_profile(s, wave[1])}
     with pytest.warns(UserWarning, match="is rated nearly as well as .* the road repeats itself"):
         profile_agreement(runs)
-    near = profile_agreement(runs, options=AgreementSettings(max_shift=2.0))
+    near = profile_agreement(runs, settings=AgreementSettings(max_shift=2.0))
     assert_allclose(near.best_shift.sel(first="A", second="B"), 1.0, rtol=0, atol=WITHIN)
 
 
@@ -354,9 +354,14 @@ def test_checks_give_the_reason_if_they_cannot_be_made():
     assert checks["repeatability"].reason == "there are less than two repeats"
     assert checks["distance error"].passed is True
     assert checks["bias"].reason == "no errors of heights are given"
-    without_scale = profile_agreement(runs, reference="1", options=AgreementSettings(max_scale=0))
+    without_scale = profile_agreement(runs, reference="1", settings=AgreementSettings(max_scale=0))
     checks = {check.name: check for check in check_limits(without_scale, limits=limits)}
     assert checks["distance error"].reason == "the distance error was not searched"
+    checks = {
+        check.name: check for check in check_limits(found, limits=AgreementLimits(accuracy=0))
+    }
+    assert (checks["accuracy"].limit, checks["accuracy"].passed) == (None, None)
+    assert checks["accuracy"].reason == "no limit is given"
     with pytest.raises(ValueError, match="bias must be finite and greater than 0"):
         AgreementLimits(bias=0)
 

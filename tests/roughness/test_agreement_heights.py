@@ -98,7 +98,7 @@ def test_bad_input_is_refused():
     with pytest.raises(CoverageError, match=r"R and A: do not overlap: 0 to 199.95 m, and 900"):
         height_errors(runs, "R", registration="none")
     aligned = height_errors(
-        runs, "R", registration="none", options=AgreementSettings(align_starts=True)
+        runs, "R", registration="none", settings=AgreementSettings(align_starts=True)
     )
     assert_allclose(aligned.rms, 0.0, rtol=0, atol=ROUND_OFF)
     with pytest.raises(ValueError, match="registration must be"):

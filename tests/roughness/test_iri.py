@@ -42,7 +42,7 @@ def test_published_program_on_equal_spacing(data, length):
     folder = data / "profiles" / "michalsorel_iri"
     station, height = np.loadtxt(folder / "profile_1.txt").T
     start, end, truth, _ = np.loadtxt(folder / f"iri_precise_profile_1_seg{length}.txt").T
-    index = iri(make_profile(station, height), options=PLAIN, segment=length)
+    index = iri(make_profile(station, height), settings=PLAIN, segment=length)
     assert not index.complete[-1]  # 544 m: that program leaves the rest out
     whole = index.sel(segment=index.complete.values)
     assert_allclose(whole.segment_iri[0], truth, rtol=0, atol=OTHER_PROGRAM)
@@ -58,7 +58,7 @@ def test_published_program_on_unequal_spacing(data, length):
     for i, here in enumerate(station):
         height[i] = height[abs(station - here) <= 0.125].mean()
     truth = np.loadtxt(folder / f"iri_precise_profile_2_seg{length}.txt")[:, 2]
-    index = iri(make_profile(station, height), options=PLAIN, segment=length)
+    index = iri(make_profile(station, height), settings=PLAIN, segment=length)
     assert_allclose(index.segment_iri[0, : truth.size], truth, rtol=0, atol=OTHER_PROGRAM)
 
 
@@ -109,7 +109,7 @@ def test_sine_has_the_index_of_its_frequency_response(wavelength, window, attenu
     transient = periods * wavelength  # [m] the car's slowest motion has decayed to exp(-46)
     s = np.arange(0, 2 * transient + 1, 0.01)
     profile = make_profile(s, amplitude * np.sin(2 * np.pi * s / wavelength))
-    index = iri(profile, options=IriSettings(window=window), segment=transient)
+    index = iri(profile, settings=IriSettings(window=window), segment=transient)
     truth = 2000 / np.pi * QuarterCar().gain(wavelength) * 2 * np.pi * amplitude / wavelength
     if attenuated:
         truth *= np.sinc(0.25 / wavelength)
@@ -127,16 +127,16 @@ def test_unequal_steps_against_one_matrix_exponential_each():
         x = S @ x + np.linalg.solve(A, (S - np.eye(4)) @ B) * slope
         travel.append(abs(C @ x) * dx)
     truth = 1000 * sum(travel) / np.ptp(s)
-    index = iri(make_profile(s, height), options=IriSettings(window="none", start="level"))
+    index = iri(make_profile(s, height), settings=IriSettings(window="none", start="level"))
     assert_allclose(index.iri, truth, rtol=0, atol=EXACT)
 
 
 @pytest.mark.parametrize("car", [QuarterCar(damping=60.0), QuarterCar(mass_ratio=3.0)])
 def test_other_cars_on_long_unequal_steps(car):
     """Steps of many of the car's time constants are divided until the series converges."""
-    options = IriSettings(window="none", start="level", car=car, max_spacing=20.0)
+    settings = IriSettings(window="none", start="level", car=car, max_spacing=20.0)
     s = np.array([0.0, 3.0, 10.0, 30.0])
-    drive = drive_profile(s, np.array([0.0, 0.1, 0.0, 0.2]), options)
+    drive = drive_profile(s, np.array([0.0, 0.1, 0.0, 0.2]), settings)
     x, truth = np.zeros(4), []
     for dx, slope in zip(np.diff(s), np.diff(drive.height) / np.diff(s), strict=True):
         S, p = car.transition(dx)
@@ -162,22 +162,22 @@ def test_samples_on_a_straight_line_change_nothing():
 def test_a_segment_end_between_samples_is_a_sample_on_the_straight_line():
     s, height = 0.3 * np.arange(400), rough(400)
     finer = np.union1d(s, [25.0, 50.0, 75.0, 100.0])
-    coarse = iri(make_profile(s, height), options=PLAIN, segment=25.0)
-    fine = iri(make_profile(finer, np.interp(finer, s, height)), options=PLAIN, segment=25.0)
+    coarse = iri(make_profile(s, height), settings=PLAIN, segment=25.0)
+    fine = iri(make_profile(finer, np.interp(finer, s, height)), settings=PLAIN, segment=25.0)
     assert_allclose(coarse.segment_iri, fine.segment_iri, rtol=0, atol=EXACT)
-    no_segments = iri(make_profile(s, height), options=PLAIN)
+    no_segments = iri(make_profile(s, height), settings=PLAIN)
     assert_allclose(coarse.iri, no_segments.iri, rtol=0, atol=EXACT)
 
 
 def test_segment_ends_do_not_change_the_whole_on_unequal_spacing():
     profile = make_profile(unequal(500, 0.2), rough(500))
-    divided = iri(profile, options=PLAIN, segment=7.0)
-    assert_allclose(divided.iri, iri(profile, options=PLAIN).iri, rtol=0, atol=EXACT)
+    divided = iri(profile, settings=PLAIN, segment=7.0)
+    assert_allclose(divided.iri, iri(profile, settings=PLAIN).iri, rtol=0, atol=EXACT)
 
 
 def test_the_weighted_mean_of_segments_is_the_index_of_the_whole():
     s = 100.0 + 0.05 * np.arange(21_001)
-    index = iri(make_profile(s, rough(s.size)), options=IriSettings(window="none"), segment=100.0)
+    index = iri(make_profile(s, rough(s.size)), settings=IriSettings(window="none"), segment=100.0)
     assert list(index.complete.values) == [True] * 10 + [False]
     weighted = (index.segment_iri * (index.end - index.start)).sum() / np.ptp(s)
     assert_allclose(weighted, index.iri[0], rtol=0, atol=EXACT)
@@ -185,7 +185,7 @@ def test_the_weighted_mean_of_segments_is_the_index_of_the_whole():
 
 def test_segments_may_be_as_short_as_the_steps():
     s, height = 0.25 * np.arange(200), rough(200)
-    index = iri(make_profile(s, height), options=PLAIN, segment=0.25)
+    index = iri(make_profile(s, height), settings=PLAIN, segment=0.25)
     truth = 1000 * abs(step_response(drive_profile(s, height, PLAIN)))
     assert_allclose(index.segment_iri[0], truth, rtol=0, atol=EXACT)
 
@@ -196,25 +196,25 @@ def test_offset_and_grade_change_nothing_and_a_factor_scales_the_index(
     window, offset, grade, factor
 ):
     """With the start of 0.5 s: that of the program has a wrong slope on a grade."""
-    options = IriSettings(window=window, start="0.5s")
+    settings = IriSettings(window=window, start="0.5s")
     s, height = 0.05 * np.arange(1000), rough(1000)
     profile = make_profile(s, offset + grade * s + factor * height)
-    truth = abs(factor) * iri(make_profile(s, height), options=options).iri
+    truth = abs(factor) * iri(make_profile(s, height), settings=settings).iri
     # [m/km] heights of 1000 m are rounded to 1e-13 m, slopes over 0.05 m to 4e-12
-    assert_allclose(iri(profile, options=options).iri, truth, rtol=0, atol=1e-7)
+    assert_allclose(iri(profile, settings=settings).iri, truth, rtol=0, atol=1e-7)
 
 
 def test_a_grade_has_an_index_of_zero():
     s = 0.1 * np.arange(5000)
-    index = iri(make_profile(s, 0.06 * s), options=IriSettings(start="0.5s"))
+    index = iri(make_profile(s, 0.06 * s), settings=IriSettings(start="0.5s"))
     assert_allclose(index.iri, 0, rtol=0, atol=EXACT)
 
 
 def test_the_centred_window_bends_a_grade_at_the_ends_only():
     """It has samples on one side only there, as in the original program."""
     s = 0.05 * np.arange(10_001)
-    options = IriSettings(window="centred", start="0.5s")
-    index = iri(make_profile(s, 0.06 * s), options=options, segment=100.0)
+    settings = IriSettings(window="centred", start="0.5s")
+    index = iri(make_profile(s, 0.06 * s), settings=settings, segment=100.0)
     assert index.segment_iri[0, 0] > 0.01
     assert_allclose(index.segment_iri[0, 3], 0, rtol=0, atol=EXACT)
 
@@ -252,10 +252,10 @@ def test_rounded_stations_still_count_as_equally_spaced():
     assert_allclose(rounded.iri, truth, rtol=0, atol=0)
     unequal_spacing = iri(
         make_profile(s + 0.99 * jitter, height),
-        options=IriSettings(window="none", start="0.5s", spacing_tolerance=0.0),
+        settings=IriSettings(window="none", start="0.5s", spacing_tolerance=0.0),
     )
     assert_allclose(
-        unequal_spacing.iri / iri(make_profile(s, height), options=PLAIN).iri, 1, rtol=0, atol=1e-4
+        unequal_spacing.iri / iri(make_profile(s, height), settings=PLAIN).iri, 1, rtol=0, atol=1e-4
     )
 
 
@@ -271,7 +271,7 @@ def test_100_km_do_not_overflow():
 def test_long_profiles_of_unequal_spacing_do_not_overflow():
     s = unequal(200_000, 0.2)
     profile = make_profile(s, 0.001 * np.sin(2 * np.pi * s / 15))
-    index = iri(profile, options=PLAIN, segment=1500.0)
+    index = iri(profile, settings=PLAIN, segment=1500.0)
     truth = 2000 / np.pi * QuarterCar().gain(15.0) * 2 * np.pi * 0.001 / 15
     # chords of up to 0.3 m flatten a wave of 15 m by (pi 0.2 / 15)^2 / 6 and cut its crests
     assert_allclose(index.segment_iri[0, 1:-1] / truth, 1, rtol=0, atol=5e-3)
@@ -319,9 +319,9 @@ def test_windows_of_unequal_spacing_smooth_like_those_of_equal_spacing(window):
     s = 0.01 * np.arange(50_001)
     kept = np.random.default_rng(4).random(s.size) > 0.1
     height = 0.001 * np.sin(2 * np.pi * s)
-    options = IriSettings(window=window, start="0.5s")
-    whole = iri(make_profile(s, height), options=options)
-    part = iri(make_profile(s[kept], height[kept]), options=options)
+    settings = IriSettings(window=window, start="0.5s")
+    whole = iri(make_profile(s, height), settings=settings)
+    part = iri(make_profile(s[kept], height[kept]), settings=settings)
     assert_allclose(part.iri / whole.iri, 1, rtol=0, atol=5e-3)  # [1] chords of two or three steps
 
 
@@ -330,7 +330,7 @@ def test_windows_of_unequal_spacing_smooth_like_those_of_equal_spacing(window):
 
 def test_restart_rates_each_segment_as_a_profile_of_its_own():
     s, height = 478.0 + 0.25 * np.arange(250), rough(250)
-    index = iri(make_profile(s, height), options=IriSettings(restart=True), segment=20.0)
+    index = iri(make_profile(s, height), settings=IriSettings(restart=True), segment=20.0)
     for at, value in enumerate(index.segment_iri.values[0]):
         cut = slice(80 * at, 80 * at + 81)
         alone = iri(make_profile(s[cut], height[cut]))
@@ -341,7 +341,7 @@ def test_restart_rates_each_segment_as_a_profile_of_its_own():
 def test_restart_changes_short_segments():
     profile = make_profile(0.25 * np.arange(401), rough(401))
     one_drive = iri(profile, segment=20.0).segment_iri
-    restarted = iri(profile, options=IriSettings(restart=True), segment=20.0).segment_iri
+    restarted = iri(profile, settings=IriSettings(restart=True), segment=20.0).segment_iri
     assert abs(one_drive - restarted)[0, 1:].min() > 1e-3
 
 
@@ -351,7 +351,9 @@ def test_a_last_segment_without_a_step_is_dropped():
     index = iri(make_profile(s, rough(s.size)), segment=10.0)
     assert index.sizes["segment"] == 2
     assert index.complete.all()
-    restarted = iri(make_profile(s, rough(s.size)), options=IriSettings(restart=True), segment=10.0)
+    restarted = iri(
+        make_profile(s, rough(s.size)), settings=IriSettings(restart=True), segment=10.0
+    )
     assert restarted.sizes["segment"] == 2
 
 
@@ -386,12 +388,12 @@ def test_one_track_has_neither_mri_nor_hri():
     assert np.isnan(index.hri)
 
 
-@pytest.mark.parametrize("options", [IriSettings(), PLAIN, IriSettings(window="exact")])
-def test_sliding_windows_agree_with_segments(options):
+@pytest.mark.parametrize("settings", [IriSettings(), PLAIN, IriSettings(window="exact")])
+def test_sliding_windows_agree_with_segments(settings):
     s = 478.0 + 0.25 * np.arange(2000)
     profile = make_profile(s, [rough(s.size, 7), rough(s.size, 8)], tracks=["left", "right"])
-    index = iri(profile, options=options, segment=20.0).isel(segment=slice(1, -1))
-    sliding = continuous_iri(profile, 20.0, options=options)
+    index = iri(profile, settings=settings, segment=20.0).isel(segment=slice(1, -1))
+    sliding = continuous_iri(profile, 20.0, settings=settings)
     at = [int(abs(sliding.start.values - start).argmin()) for start in index.start.values]
     same = sliding.isel(s=at)
     assert_allclose(same.iri, index.segment_iri, rtol=0, atol=EXACT)
@@ -400,9 +402,9 @@ def test_sliding_windows_agree_with_segments(options):
 
 def test_a_sliding_window_as_long_as_the_profile_is_the_whole():
     s, height = unequal(300, 0.2), rough(300)
-    sliding = continuous_iri(make_profile(s, height), np.ptp(s), options=PLAIN)
+    sliding = continuous_iri(make_profile(s, height), np.ptp(s), settings=PLAIN)
     assert sliding.sizes["s"] == 1
-    whole = iri(make_profile(s, height), options=PLAIN).iri
+    whole = iri(make_profile(s, height), settings=PLAIN).iri
     assert_allclose(sliding.iri[0], whole, rtol=0, atol=EXACT)
 
 
@@ -413,7 +415,7 @@ def test_sliding_windows_take_the_step_asked_for():
 
 
 def test_conventions_are_recorded_in_the_provenance():
-    index = iri(make_profile(0.25 * np.arange(401), rough(401)), options=PLAIN, segment=20.0)
+    index = iri(make_profile(0.25 * np.arange(401), rough(401)), settings=PLAIN, segment=20.0)
     step = provenance_steps(index)[-1]
     assert step["step"] == "iri"
     assert step["parameters"]["options"]["window"] == "none"
@@ -438,12 +440,12 @@ def test_missing_heights_are_named():
 
 @pytest.mark.parametrize("window", ["sayers", "centred", "exact", "none"])
 def test_profiles_that_are_too_short(window):
-    options = IriSettings(window=window)
+    settings = IriSettings(window=window)
     with pytest.raises(CoverageError, match="axis s: is too short"):
-        iri(make_profile([0.0], [0.0]), options=options)
+        iri(make_profile([0.0], [0.0]), settings=settings)
     if window in ("sayers", "exact"):
         with pytest.raises(CoverageError, match=r"5 samples over 0\.2 m"):
-            iri(make_profile(0.05 * np.arange(5), np.zeros(5)), options=options)
+            iri(make_profile(0.05 * np.arange(5), np.zeros(5)), settings=settings)
 
 
 def test_the_programs_window_needs_equal_spacing():
@@ -494,10 +496,10 @@ def test_settings_are_checked(settings, message):
 def test_sliding_windows_are_checked():
     profile = make_profile(0.25 * np.arange(101), rough(101))
     with pytest.raises(CoverageError, match="shorter than the window"):
-        continuous_iri(profile, 25.1, options=PLAIN)
+        continuous_iri(profile, 25.1, settings=PLAIN)
     with pytest.raises(ValueError, match="length must be finite"):
         continuous_iri(profile, 0.0)
     with pytest.raises(ValueError, match="step must be finite"):
         continuous_iri(profile, 5.0, step=-1.0)
     with pytest.raises(ValueError, match="restart must be false"):
-        continuous_iri(profile, 5.0, options=IriSettings(restart=True))
+        continuous_iri(profile, 5.0, settings=IriSettings(restart=True))

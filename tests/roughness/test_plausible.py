@@ -100,8 +100,8 @@ def test_missing_heights_are_an_error():
 @pytest.mark.parametrize("kind", [IriSettings, RideNumberSettings])
 def test_windows_that_average_nothing_are_flagged(kind, spacing, window, idle):
     profile = make_profile(spacing * np.arange(50), np.zeros(50))
-    options = kind(window=window, max_spacing=0.61)
-    found = [flag for flag in rating_flags(profile, options) if "window" in flag]
+    settings = kind(window=window, max_spacing=0.61)
+    found = [flag for flag in rating_flags(profile, settings) if "window" in flag]
     sentence = f"the window {window} of 0.25 m averages nothing at a spacing of {spacing:g} m"
     assert found == [sentence] * idle
 
@@ -129,14 +129,14 @@ WAVES = 0.001 * np.random.default_rng(4).standard_normal(4000).cumsum()  # [m] a
 def test_indices_need_samples_that_resolve_the_waves_of_the_car(kind, index, spacing, outcome):
     s = np.append(0.05 * np.arange(400), 19.95 + spacing * np.arange(1, 400))  # coarse from 20 m on
     profile = make_profile(s, np.interp(s, 0.1 * np.arange(4000), WAVES))
-    options = kind(window="exact")
-    found = [flag for flag in rating_flags(profile, options) if "apart" in flag]
+    settings = kind(window="exact")
+    found = [flag for flag in rating_flags(profile, settings) if "apart" in flag]
     assert bool(found) == (outcome == "flagged")
     if outcome == "refused":
         with pytest.raises(CoverageError, match=r"s = 19\.95 m: has samples .* m apart"):
-            index(profile, options=options)
+            index(profile, settings=settings)
     else:
-        index(profile, options=options)
+        index(profile, settings=settings)
 
 
 #: Largest error of the IRI at the largest accurate spacing [1]: 2 % of Class 1 of ASTM E1364, and

@@ -107,8 +107,8 @@ def test_smoothing_is_the_sum_of_the_standard():
 @pytest.mark.parametrize(("count", "step", "block"), [(4000, 0.1, 100.0), (4096, 0.05, 51.2)])
 def test_spectrum_is_welchs(count, step, block):
     height = np.cumsum(np.random.default_rng(2).standard_normal(count)) * 1e-3
-    options = PsdSettings(block=block, lowest=0.05)
-    data = psd(make_profile(step * np.arange(count), height), options=options)
+    settings = PsdSettings(block=block, lowest=0.05)
+    data = psd(make_profile(step * np.arange(count), height), settings=settings)
     size = round(block / step)
     n, truth = welch(height, 1 / step, "hann", size, size // 2, detrend="linear")
     assert_allclose(data.n, n[1:], rtol=EXACT, atol=0)
@@ -142,7 +142,7 @@ def test_simulated_roads_are_recovered_within_their_intervals(name, waviness):
     s = 0.05 * np.arange(20_000)  # fine enough for all waves of the road, up to 10 cycles/m
     road = Road(gd_n0=gd, waviness=waviness, seed=ord(name), lowest=0.005)
     along = make_profile(s, road.height(0.8 * s, 0.6 * s))  # isotropic
-    rated = psd(along, options=PsdSettings(confidence=0.99))
+    rated = psd(along, settings=PsdSettings(confidence=0.99))
     assert rated.gd_n0_low < gd < rated.gd_n0_high
     assert rated.waviness_low < waviness < rated.waviness_high
     assert rated.waviness_high - rated.waviness_low < 0.3
@@ -172,7 +172,7 @@ def test_waviness_can_be_assumed():
     s = 0.1 * np.arange(10_000)
     height = gaussian_road(np.random.default_rng(4), s.size, 0.1, 64e-6, 2.0)
     free = psd(make_profile(s, height))
-    fixed = psd(make_profile(s, height), options=PsdSettings(waviness=2.0))
+    fixed = psd(make_profile(s, height), settings=PsdSettings(waviness=2.0))
     assert fixed.waviness == fixed.waviness_low == fixed.waviness_high == 2.0
     assert fixed.gd_n0_low < 64e-6 < fixed.gd_n0_high
     width = np.log(fixed.gd_n0_high / fixed.gd_n0_low)

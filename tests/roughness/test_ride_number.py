@@ -52,7 +52,7 @@ def program(height, step):
 def test_ride_number_is_sayerss_program_with_its_constants(step, length):
     height = rough(int(length / step))
     profile = make_profile(7.0 + step * np.arange(height.size), height)
-    rated = ride_number(profile, options=RideNumberSettings(max_spacing=0.25))
+    rated = ride_number(profile, settings=RideNumberSettings(max_spacing=0.25))
     truth = program(height, step)
     assert_allclose(rated.pi, truth, rtol=0, atol=EXACT)
     assert_allclose(rated.rn, 5 * np.exp(-160 * truth), rtol=0, atol=1e-9)  # [1] 160 PI / PI
@@ -92,8 +92,8 @@ def test_both_wheel_paths_are_the_root_mean_square():
 
 def test_the_weighted_mean_square_of_segments_is_that_of_the_whole():
     s = 0.05 * np.arange(4011)
-    options = RideNumberSettings(window="none")
-    rated = ride_number(make_profile(s, rough(s.size)), options=options, segment=33.3)
+    settings = RideNumberSettings(window="none")
+    rated = ride_number(make_profile(s, rough(s.size)), settings=settings, segment=33.3)
     length = rated.end - rated.start
     whole = (rated.segment_pi[0] ** 2 * length).sum() / length.sum()
     # a segment that ends within a step takes the output there, not that at the end of the step
@@ -103,29 +103,29 @@ def test_the_weighted_mean_square_of_segments_is_that_of_the_whole():
 def test_unequal_spacing_with_samples_on_straight_lines_changes_nothing():
     s, height = 0.25 * np.arange(801), rough(801)
     finer = np.sort(np.concatenate([s, (0.5 * (s[1:] + s[:-1]))[::3]]))
-    options = RideNumberSettings(
+    settings = RideNumberSettings(
         window="none", car=QuarterCar(), start_length=10.0, max_spacing=0.25
     )
-    coarse = ride_number(make_profile(s, height), options=options)
-    fine = ride_number(make_profile(finer, np.interp(finer, s, height)), options=options)
+    coarse = ride_number(make_profile(s, height), settings=settings)
+    fine = ride_number(make_profile(finer, np.interp(finer, s, height)), settings=settings)
     # [m/m] the output is taken at the ends of other steps, and the start by the chord's own length
     assert_allclose(fine.pi, coarse.pi, rtol=0, atol=0.03 * coarse.pi.item())
 
 
 def test_restart_rates_each_segment_as_a_profile_of_its_own():
     s, height = 0.25 * np.arange(250), rough(250)
-    options = RideNumberSettings(restart=True, max_spacing=0.25)
-    rated = ride_number(make_profile(s, height), options=options, segment=20.0)
+    settings = RideNumberSettings(restart=True, max_spacing=0.25)
+    rated = ride_number(make_profile(s, height), settings=settings, segment=20.0)
     for at, value in enumerate(rated.segment_rn.values[0]):
         cut = slice(80 * at, 80 * at + 81)
-        alone = ride_number(make_profile(s[cut], height[cut]), options=options)
+        alone = ride_number(make_profile(s[cut], height[cut]), settings=settings)
         assert_allclose(value, alone.rn[0], rtol=0, atol=EXACT)
 
 
 def test_constants_can_be_replaced_and_are_recorded():
     profile = make_profile(0.1 * np.arange(1000), rough(1000))
-    options = RideNumberSettings(best=10.0, steepness=80.0, start_length=11.0, car=QuarterCar())
-    rated = ride_number(profile, options=options)
+    settings = RideNumberSettings(best=10.0, steepness=80.0, start_length=11.0, car=QuarterCar())
+    rated = ride_number(profile, settings=settings)
     assert_allclose(rated.rn, 10 * np.exp(-80 * rated.pi), rtol=0, atol=EXACT)
     record = provenance_steps(rated)[-1]
     assert record["step"] == "ride_number"

@@ -110,7 +110,7 @@ def test_golden_car_at_80_km_h_has_the_travel_of_the_iri():
     road = rough(1, tracks=1)
     response = vehicle_response(road, GOLDEN_QUARTER_CAR, speed=80 / 3.6, lead=0.0)
     rate = np.diff(response.suspension_travel.values[0])
-    index = iri(road, options=IriSettings(window="none", start="level")).iri.item()
+    index = iri(road, settings=IriSettings(window="none", start="level")).iri.item()
     found = 1000 * abs(rate).sum() / (STATIONS[-1] - STATIONS[0])
     assert_allclose(found, index, rtol=0, atol=IRI)
 

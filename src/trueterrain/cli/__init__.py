@@ -14,7 +14,7 @@ import cyclopts
 
 from trueterrain._version import __version__
 from trueterrain.cli._console import abandon_streams, error_text, prepare_streams, write_note
-from trueterrain.cli._options import check_number, rename_options
+from trueterrain.cli._options import convert_value, rename_options
 from trueterrain.core.errors import TrueTerrainError
 
 # exit codes that shells give a program whose reader has closed the pipe, or that got SIGTERM
@@ -77,7 +77,7 @@ def command_line(called: str | None = None) -> cyclopts.App:
     app = cyclopts.App(
         name="trueterrain",
         version=__version__,
-        default_parameter=cyclopts.Parameter(negative=(), validator=check_number),
+        default_parameter=cyclopts.Parameter(negative=(), converter=convert_value),
         suppress_keyboard_interrupt=False,  # main reports the state of the output
         help="Terrain measurement: from recorded runs to surfaces, profiles and roughness.",
         help_epilogue="`trueterrain COMMAND --help` shows options, units and defaults. "

@@ -1,17 +1,26 @@
 """Comparison of profiles for ``trueterrain compare``: document, tables and pictures."""
 
+import itertools
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import xarray as xr
 
 from trueterrain.cli._console import write_line
 from trueterrain.cli._profiles import write_table
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trueterrain.roughness.agreement import AgreementLimits, AgreementSettings, LimitCheck
-    from trueterrain.roughness.agreement.heights import Registration
+from trueterrain.roughness import Butterworth
+from trueterrain.roughness.agreement import (
+    IRI_FILTER,
+    AgreementLimits,
+    AgreementSettings,
+    LimitCheck,
+    check_limits,
+    filtered_profiles,
+    height_errors,
+    profile_agreement,
+)
+from trueterrain.roughness.agreement.heights import Registration
 
 _PAIR = (
     "rating",
@@ -33,46 +42,44 @@ _MAX_LINES = 3  # profiles in one panel, besides the reference
 class ProfileComparison:
     """Ratings, height errors and verdicts on profiles."""
 
-    data: "Mapping[str, xr.Dataset]"
+    data: Mapping[str, xr.Dataset]
     "Profiles by name."
 
-    found: "xr.Dataset"
+    found: xr.Dataset
     "Ratings of all pairs, by `profile_agreement`."
 
-    errors: "xr.Dataset | None"
+    errors: xr.Dataset | None
     "Height errors, by `height_errors`; None without a reference."
 
-    checks: "list[LimitCheck]"
+    checks: list[LimitCheck]
     "Verdicts on the limits."
 
-    options: "AgreementSettings"
+    settings: AgreementSettings
     "Filter and range of the search."
 
     @classmethod
     def of(
         cls,
-        data: "Mapping[str, xr.Dataset]",
+        data: Mapping[str, xr.Dataset],
         reference: str | None,
-        options: "AgreementSettings",
-        limits: "AgreementLimits",
-        registration: "Registration",
+        settings: AgreementSettings,
+        limits: AgreementLimits,
+        registration: Registration,
         trend: int | None,
     ) -> "ProfileComparison":
         """Compare profiles."""
-        from trueterrain.roughness.agreement import check_limits, height_errors, profile_agreement
-
-        found = profile_agreement(data, reference=reference, options=options)
+        found = profile_agreement(data, reference=reference, settings=settings)
         errors = None
         if reference is not None:
             errors = height_errors(
-                data, reference, registration=registration, trend=trend, options=options
+                data, reference, registration=registration, trend=trend, settings=settings
             )
         return cls(
             data=data,
             found=found,
             errors=errors,
             checks=check_limits(found, errors, limits=limits),
-            options=options,
+            settings=settings,
         )
 
     def document(self) -> dict[str, Any]:
@@ -80,7 +87,7 @@ class ProfileComparison:
         found = self.found
         return {
             "kind": "profiles",
-            "filter": _filter_text(self.options),
+            "filter": _filter_text(self.settings),
             "reference": found.attrs.get("reference"),
             "tracks": [self._track(str(track)) for track in found["track"].values],
             "checks": [asdict(check) for check in self.checks],
@@ -88,13 +95,11 @@ class ProfileComparison:
 
     def show(self) -> None:
         """Print tables."""
-        from trueterrain.roughness.agreement import AgreementLimits
-
         found = self.found
         reference = found.attrs.get("reference")
         against = "" if reference is None else f", reference {reference}"
         write_line(
-            f"Agreement of {found.sizes['first']} profiles{against}; {_filter_text(self.options)}."
+            f"Agreement of {found.sizes['first']} profiles{against}; {_filter_text(self.settings)}."
         )
         for track in found["track"].values:
             write_line()
@@ -123,7 +128,6 @@ class ProfileComparison:
     def panels(self) -> tuple[list[str], list[list[Callable[[Any], object]]]]:
         """Titles and panels of the picture: filtered profiles, and ratings of all pairs."""
         from trueterrain import figures
-        from trueterrain.roughness.agreement import filtered_profiles
 
         reference = self.found.attrs.get("reference")
         names = [str(name) for name in self.found["first"].values if name != reference]
@@ -136,7 +140,7 @@ class ProfileComparison:
                     {name: self.data[name] for name in [*base, *names[at : at + _MAX_LINES]]},
                     reference=base[0],
                     track=str(track),
-                    options=self.options,
+                    settings=self.settings,
                 )
                 column.append(bind_panel(figures.agreement_overlay, shown))
             if self.found.sizes["first"] > 2:
@@ -166,9 +170,9 @@ class ProfileComparison:
         return document
 
 
-def bind_panel(draw: Callable[..., object], data: Any, **options: Any) -> Callable[[Any], object]:
+def bind_panel(draw: Callable[..., object], data: Any, **keywords: Any) -> Callable[[Any], object]:
     """Function that draws data into given axes."""
-    return lambda ax: draw(data, ax=ax, **options)
+    return lambda ax: draw(data, ax=ax, **keywords)
 
 
 def format_millimetres(value: float) -> str:
@@ -176,41 +180,36 @@ def format_millimetres(value: float) -> str:
     return f"{round(_MM * value, 3) + 0.0:.3f}"
 
 
-def _filter_text(options: "AgreementSettings") -> str:
+def _filter_text(settings: AgreementSettings) -> str:
     """Description of the filter."""
-    from trueterrain.roughness import Butterworth
-    from trueterrain.roughness.agreement import IRI_FILTER
-
-    by = options.filter
+    by = settings.filter
     if by is None:
         return "heights as they are"
     if by == IRI_FILTER:
-        return f"IRI filter (exact window 0.25 m), settling length {options.transient_length:g} m"
+        return f"IRI filter (exact window 0.25 m), settling length {settings.transient_length:g} m"
     if isinstance(by, Butterworth):
         return (
             f"Butterworth filter from {by.shortest:g} to {by.longest:g} m, order {by.order} "
-            f"forward and backward, settling length {options.transient_length:g} m"
+            f"forward and backward, settling length {settings.transient_length:g} m"
         )
     return f"filter {by}"
 
 
-def _ordered_pairs(one: "xr.Dataset", reference: str | None) -> Iterator[tuple[str, str]]:
+def _ordered_pairs(one: xr.Dataset, reference: str | None) -> Iterator[tuple[str, str]]:
     """All pairs, those with the reference first."""
-    import itertools
-
     names = [str(name) for name in one["first"].values]
     names.sort(key=lambda name: name != reference)
     yield from itertools.combinations(names, 2)
 
 
-def _rating_matrix(one: "xr.Dataset") -> Iterator[list[str]]:
+def _rating_matrix(one: xr.Dataset) -> Iterator[list[str]]:
     names = [str(name) for name in one["first"].values]
     yield ["", *names]
     for name, ratings in zip(names, one["rating"].values, strict=True):
         yield [name, *(f"{100 * rating:.1f}" for rating in ratings)]
 
 
-def _pair_rows(one: "xr.Dataset", reference: str | None) -> Iterator[list[str]]:
+def _pair_rows(one: xr.Dataset, reference: str | None) -> Iterator[list[str]]:
     """One row for each profile with the reference, or for each pair without a reference."""
     with_distance = bool(one["distance_error"].notnull().any())
     corrected = ["distance [%]", "corrected [%]"] if with_distance else []
@@ -228,7 +227,7 @@ def _pair_rows(one: "xr.Dataset", reference: str | None) -> Iterator[list[str]]:
         yield row
 
 
-def _error_rows(errors: "xr.Dataset") -> Iterator[list[str]]:
+def _error_rows(errors: xr.Dataset) -> Iterator[list[str]]:
     names = ("mean", "rms", "nmad", "p95", "largest")
     yield ["profile", "mean", "RMS", "NMAD", "95 %", "largest"]
     for profile in errors["profile"].values:
@@ -236,7 +235,7 @@ def _error_rows(errors: "xr.Dataset") -> Iterator[list[str]]:
         yield [str(profile), *(format_millimetres(float(one[name])) for name in names)]
 
 
-def _check_text(check: "LimitCheck", *, several: bool) -> str:
+def _check_text(check: LimitCheck, *, several: bool) -> str:
     where = f" of {check.track}" if several else ""
     value = _format_quantity(check.value, check.unit)
     if check.value != check.value:  # NaN: unknown

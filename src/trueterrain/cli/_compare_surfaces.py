@@ -3,16 +3,20 @@
 import itertools
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
 
 from trueterrain.cli._compare_profiles import bind_panel, format_millimetres
 from trueterrain.cli._console import write_line
 from trueterrain.cli._profiles import write_table
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trueterrain.surface.difference import HeightDifferences
+from trueterrain.surface.difference import (
+    HeightDifferences,
+    difference_statistics,
+    structure_function,
+    surface_difference,
+)
 
 _NUMBERS = ("mean", "median", "rms", "nmad", "p95", "largest")
 _AXES: tuple[Literal["along", "across"], ...] = ("along", "across")
@@ -35,7 +39,7 @@ class DifferenceRow:
     speed: float | None
     "Speed of the measurement [km/h]; None if unknown."
 
-    found: "HeightDifferences"
+    found: HeightDifferences
     "Statistics of the difference."
 
 
@@ -43,7 +47,7 @@ class DifferenceRow:
 class SurfaceComparison:
     """Differences of surfaces with their statistics and structure functions."""
 
-    differences: "dict[tuple[str, str], xr.Dataset]"
+    differences: dict[tuple[str, str], xr.Dataset]
     "Differences by names of the surface and of its reference."
 
     rows: list[DifferenceRow]
@@ -52,7 +56,7 @@ class SurfaceComparison:
     by_speed: list[DifferenceRow]
     "Statistics of all surfaces of the same speed, pooled."
 
-    structure: "dict[tuple[str, str, str], xr.Dataset]"
+    structure: dict[tuple[str, str, str], xr.Dataset]
     "Structure functions by surface, reference and axis."
 
     left_out: list[str]
@@ -61,7 +65,7 @@ class SurfaceComparison:
     @classmethod
     def of(
         cls,
-        data: "Mapping[str, xr.Dataset]",
+        data: Mapping[str, xr.Dataset],
         reference: str | None,
         *,
         level: Literal["none", "median", "plane"],
@@ -69,8 +73,6 @@ class SurfaceComparison:
         speed: list[float] | None,
     ) -> "SurfaceComparison":
         """Compare surfaces."""
-        from trueterrain.surface.difference import structure_function, surface_difference
-
         speeds = _speeds_by_name([name for name in data if name != reference], speed, reference)
         bands = _lane_bands(lanes)
         differences = {
@@ -171,11 +173,10 @@ def _lane_bands(lanes: list[float] | None) -> list[tuple[float, float]]:
 
 
 def _difference_rows(
-    differences: "Mapping[tuple[str, str], xr.Dataset]",
+    differences: Mapping[tuple[str, str], xr.Dataset],
     bands: list[tuple[float, float]],
     speeds: Mapping[str, float],
 ) -> Iterator[DifferenceRow]:
-    from trueterrain.surface.difference import difference_statistics
 
     for (name, base), difference in differences.items():
         for lane in (None, *bands):
@@ -185,11 +186,10 @@ def _difference_rows(
 
 
 def _pooled_rows(
-    differences: "Mapping[tuple[str, str], xr.Dataset]",
+    differences: Mapping[tuple[str, str], xr.Dataset],
     bands: list[tuple[float, float]],
     speeds: Mapping[str, float],
 ) -> Iterator[DifferenceRow]:
-    from trueterrain.surface.difference import difference_statistics
 
     for speed in sorted(set(speeds.values())):
         several = [one for (name, _), one in differences.items() if speeds[name] == speed]
@@ -232,10 +232,8 @@ def _table_rows(rows: list[DifferenceRow]) -> Iterator[list[str]]:
         ]
 
 
-def _structure_rows(structure: "Mapping[tuple[str, str, str], xr.Dataset]") -> Iterator[list[str]]:
+def _structure_rows(structure: Mapping[tuple[str, str, str], xr.Dataset]) -> Iterator[list[str]]:
     """Structure functions at the printed distances; a dash beyond their range."""
-    import numpy as np
-
     yield ["surface", "reference", "axis", *(f"{distance:g} m" for distance in _PRINTED)]
     for (surface, reference, axis), one in structure.items():
         distances = one["distance"].values

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from trueterrain.cli._console import write_line, write_note
 from trueterrain.cli._recordings import refuse_recording
@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from trueterrain.roughness import QuarterCarSettings
-
-Window = Literal["sayers", "centred", "exact", "none"]
 
 _WIDTH, _HEIGHT, _TITLE = 8.0, 3.2, 0.3  # [inches] width of a picture; height of panel, title
 _MAX_STRETCHES = 20  # printed for each track
@@ -41,11 +39,11 @@ def read_profile(path: Path) -> "xr.Dataset":
     return data
 
 
-def warn_of_rating(path: Path, profile: "xr.Dataset", options: "QuarterCarSettings") -> None:
+def warn_of_rating(path: Path, profile: "xr.Dataset", settings: "QuarterCarSettings") -> None:
     """Warn of properties of a profile that make its index inaccurate."""
     from trueterrain.roughness.plausible import rating_flags
 
-    for flag in rating_flags(profile, options):
+    for flag in rating_flags(profile, settings):
         write_warning(f"{path}: {flag}.")
 
 
@@ -68,6 +66,14 @@ def worst_stretches(found: Sequence[dict[str, float]]) -> tuple[list[dict[str, f
     kept = sorted(largest, key=lambda one: one["start"])
     others = len(found) - len(kept)
     return kept, f"  and {others} others that are less; --json lists all" if others else ""
+
+
+def check_picture(output: Path | None, *, force: bool, inputs: Sequence[Path]) -> None:
+    """Raise an error if a picture is asked for that cannot be written."""
+    if output is not None:
+        from trueterrain import figures
+
+        figures.require_picture(output, force=force, inputs=inputs)
 
 
 def draw_panels(
@@ -94,9 +100,9 @@ def draw_panels(
     write_note(f"{output}: written")
 
 
-def explain_run(options: "QuarterCarSettings", start: str) -> str:
+def explain_run(settings: "QuarterCarSettings", start: str) -> str:
     """Text on the conventions of a quarter car: they change the index."""
-    length = "" if options.window == "none" else f" ({options.window_length:g} m)"
-    run = "a new car in every segment" if options.restart else "one run over the whole profile"
-    speed = 3.6 * options.speed
-    return f"at {speed:g} km/h; window {options.window}{length}; start {start}; {run}."
+    length = "" if settings.window == "none" else f" ({settings.window_length:g} m)"
+    run = "a new car in every segment" if settings.restart else "one run over the whole profile"
+    speed = 3.6 * settings.speed
+    return f"at {speed:g} km/h; window {settings.window}{length}; start {start}; {run}."

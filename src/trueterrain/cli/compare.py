@@ -2,23 +2,28 @@
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
-from cyclopts import Parameter
+import xarray as xr
+from cyclopts import Group, Parameter
 
+from trueterrain import formats
 from trueterrain.cli._compare_profiles import ProfileComparison
 from trueterrain.cli._compare_surfaces import SurfaceComparison
 from trueterrain.cli._console import note_compilation, write_json
-from trueterrain.cli._options import INTEGER
-from trueterrain.cli._profiles import draw_panels, write_warning
+from trueterrain.cli._options import flatten_settings
+from trueterrain.cli._profiles import check_picture, draw_panels, write_warning
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.core.errors import SchemaError
+from trueterrain.core.schemas import kind_of
+from trueterrain.roughness import Butterworth, IriSettings
+from trueterrain.roughness.agreement import IRI_FILTER, AgreementLimits, AgreementSettings
+from trueterrain.roughness.agreement.heights import Registration
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trueterrain.roughness.agreement import AgreementLimits, AgreementSettings
+_PROFILES = Parameter(group=Group("Profiles", sort_key=1))
+_SURFACES = Parameter(group=Group("Surfaces", sort_key=3))
 
 
 def compare(
@@ -26,23 +31,21 @@ def compare(
     /,
     *more: Path,
     reference: Path | None = None,
-    filter: Literal["iri", "butterworth", "none"] = "iri",  # noqa: A002 - the name of the option
-    shortest: float = 8.0,
-    longest: float = 90.0,
-    settling_length: float | None = None,
-    max_shift: float = 10.0,
-    max_scale: float = 0.005,
-    align_starts: bool = False,
-    registration: Literal["distance", "shift", "none"] = "distance",
-    trend: Annotated[int, INTEGER] = 1,
-    repeatability: float = 0.92,
-    accuracy: float = 0.90,
-    distance_error: float | None = None,
-    bias: float | None = None,
-    precision: float | None = None,
-    level: Literal["none", "median", "plane"] = "none",
-    lanes: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
-    speed: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
+    filter: Annotated[Literal["iri", "butterworth", "none"], _PROFILES] = "iri",  # noqa: A002 - the name of the option
+    shortest: Annotated[float, _PROFILES] = 8.0,
+    longest: Annotated[float, _PROFILES] = 90.0,
+    settling_length: Annotated[float | None, _PROFILES] = None,
+    settings: Annotated[
+        AgreementSettings, flatten_settings("Profiles", omit=["filter", "transient"])
+    ] = AgreementSettings(),
+    registration: Annotated[Registration, _PROFILES] = "distance",
+    trend: Annotated[int, _PROFILES] = 1,
+    limits: Annotated[
+        AgreementLimits, flatten_settings("Limits of profiles", sort_key=2)
+    ] = AgreementLimits(),
+    level: Annotated[Literal["none", "median", "plane"], _SURFACES] = "none",
+    lanes: Annotated[list[float] | None, Parameter(consume_multiple=True), _SURFACES] = None,
+    speed: Annotated[list[float] | None, Parameter(consume_multiple=True), _SURFACES] = None,
     json: bool = False,
     plot: Path | None = None,
     force: bool = False,
@@ -65,7 +68,7 @@ def compare(
     reference
         File with which the others are compared; it does not count as a repeat.
     filter
-        Profiles: filter before the rating. iri: 0.25 m moving average and golden car; butterworth:
+        Filter before the rating. iri: 0.25 m moving average and golden car; butterworth:
         band pass of heights, forward and backward; none: unfiltered heights.
     shortest
         Shortest wavelength that the filter butterworth passes [m].
@@ -74,35 +77,18 @@ def compare(
     settling_length
         Length that is left out because the filter has not decayed [m]: after the start for iri (30
         by default), at both ends for butterworth (by default its longest wavelength).
-    max_shift
-        Profiles: maximum shift of stations in the search [m].
-    max_scale
-        Profiles: maximum distance-measuring error in the search [m/m]; 0 for none.
-    align_starts
-        Profiles: count stations from the start of each.
     registration
-        Profiles: registration before heights are subtracted: distance (shift and distance-measuring
+        Registration before heights are subtracted: distance (shift and distance-measuring
         error), shift, or none.
     trend
-        Profiles: degree of the polynomial that is subtracted from errors of heights: 0 for an
+        Degree of the polynomial that is subtracted from errors of heights: 0 for an
         offset, 1 for a line; -1 for none.
-    repeatability
-        Limit: minimum mean rating of all pairs of repeats [1], 0 for none. The default is the one
-        commonly quoted for AASHTO R 56; it was not checked against its text.
-    accuracy
-        Limit: minimum mean rating of repeats against the reference [1], 0 for none; as above.
-    distance_error
-        Limit: maximum distance-measuring error against the reference [m/m].
-    bias
-        Limit: maximum mean magnitude of the mean error of repeats [m].
-    precision
-        Limit: maximum mean standard deviation of repeats [m].
     level
-        Surfaces: trend that is subtracted from their difference: none, its median, or a plane.
+        Trend that is subtracted from their difference: none, its median, or a plane.
     lanes
-        Surfaces: edges of lanes from right to left, as offsets from the reference line [m].
+        Edges of lanes from right to left, as offsets from the reference line [m].
     speed
-        Surfaces: speed at which each was measured, in the order of the files without the reference
+        Speed at which each was measured, in the order of the files without the reference
         [km/h].
     json
         Print one JSON document instead of tables; lengths and heights are in m, ratings and
@@ -112,15 +98,12 @@ def compare(
     force
         Replace the picture if it exists.
     """
-    from trueterrain import figures
-
     paths = [path for path in (file, *more) if path != reference]
     every = paths if reference is None else [reference, *paths]
     if len(every) < 2:
         message = "two files are needed: give another one, or --reference FILE."
         raise ValueError(message)
-    if plot is not None:
-        figures.require_picture(plot, force=force, inputs=every)
+    check_picture(plot, force=force, inputs=every)
     data = _read_files(every)
     reference_name = None if reference is None else next(iter(data))
     kind = _common_kind(data)
@@ -136,12 +119,12 @@ def compare(
             if lanes or speed:
                 message = "--lanes and --speed belong to surfaces, and these are profiles."
                 raise ValueError(message)
-            options = _agreement_settings(
-                filter, (shortest, longest), settling_length, (max_shift, max_scale), align_starts
-            )
-            limits = _agreement_limits(repeatability, accuracy, distance_error, bias, precision)
+            by: IriSettings | Butterworth | None = IRI_FILTER if filter == "iri" else None
+            if filter == "butterworth":
+                by = Butterworth(shortest=shortest, longest=longest)
+            settings = replace(settings, filter=by, transient=settling_length)
             comparison = ProfileComparison.of(
-                data, reference_name, options, limits, registration, None if trend < 0 else trend
+                data, reference_name, settings, limits, registration, None if trend < 0 else trend
             )
     flags += dict.fromkeys(str(one.message) for one in caught)
     for flag in flags:
@@ -154,10 +137,8 @@ def compare(
         draw_panels(*comparison.panels(), plot, force=force)
 
 
-def _read_files(paths: list[Path]) -> "dict[str, xr.Dataset]":
+def _read_files(paths: list[Path]) -> dict[str, xr.Dataset]:
     """Data of all files by name; by path where names are equal."""
-    from trueterrain import formats
-
     data: dict[str, xr.Dataset] = {}
     short = [path.name for path in paths]
     for path in paths:
@@ -170,10 +151,8 @@ def _read_files(paths: list[Path]) -> "dict[str, xr.Dataset]":
     return data
 
 
-def _common_kind(data: "Mapping[str, xr.Dataset]") -> str:
+def _common_kind(data: Mapping[str, xr.Dataset]) -> str:
     """Kind of all data: profile or surface."""
-    from trueterrain.core.schemas import kind_of
-
     kinds = {name: kind_of(one) for name, one in data.items()}
     for name, kind in kinds.items():
         if kind == "points":
@@ -191,41 +170,3 @@ def _common_kind(data: "Mapping[str, xr.Dataset]") -> str:
                 cure="Compare profiles with profiles, and surfaces with surfaces.",
             )
     return kinds[head]
-
-
-def _agreement_settings(
-    name: str,
-    waves: tuple[float, float],
-    settling_length: float | None,
-    search: tuple[float, float],
-    align_starts: bool,
-) -> "AgreementSettings":
-    from trueterrain.roughness import Butterworth
-    from trueterrain.roughness.agreement import IRI_FILTER, AgreementSettings
-
-    by = {"iri": IRI_FILTER, "none": None}.get(name)
-    return AgreementSettings(
-        filter=Butterworth(shortest=waves[0], longest=waves[1]) if name == "butterworth" else by,
-        transient=settling_length,
-        max_shift=search[0],
-        max_scale=search[1],
-        align_starts=align_starts,
-    )
-
-
-def _agreement_limits(
-    repeatability: float,
-    accuracy: float,
-    distance_error: float | None,
-    bias: float | None,
-    precision: float | None,
-) -> "AgreementLimits":
-    from trueterrain.roughness.agreement import AgreementLimits
-
-    return AgreementLimits(
-        repeatability=repeatability or None,
-        accuracy=accuracy or None,
-        distance_error=distance_error,
-        bias=bias,
-        precision=precision,
-    )

@@ -4,12 +4,16 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import numpy as np
+import xarray as xr
 from cyclopts import Parameter
 
+from trueterrain import roughness
 from trueterrain.cli._console import write_json, write_line
 from trueterrain.cli._profiles import (
+    check_picture,
     draw_panels,
     read_profile,
     worst_stretches,
@@ -17,24 +21,55 @@ from trueterrain.cli._profiles import (
     write_warning,
 )
 from trueterrain.core.errors import name_file_in_errors
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trueterrain.roughness import Filter
+from trueterrain.roughness import WAVEBANDS, Butterworth, Filter
 
 _MM = 1000.0
 _MAX_THRESHOLD = 0.5  # [m] no road deviates as much; a larger value is probably in mm
+
+
+@dataclass(frozen=True, kw_only=True)
+class _EvennessRequest:
+    """What is rated and marked."""
+
+    segment: float = 100.0
+    "Length of the fixed segments [m]; the last one may be shorter."
+
+    straightedge: float = 3.0
+    """Distance between the wheels of the straightedge [m]. 3.048 m (10 ft) and 4.877 m (16 ft) are
+    also in use."""
+
+    threshold: float | None = None
+    """Maximum allowed deviation above or below the beam [m], e.g. 0.004; stretches that exceed it
+    are listed."""
+
+    band: Annotated[list[tuple[str, float, float]] | None, Parameter(show_default=False)] = None
+    """Name, shortest and longest wavelength [m] of a band, instead of the three above; may be given
+    several times."""
+
+    def __post_init__(self) -> None:
+        threshold, names = self.threshold, [name for name, _, _ in self.band or ()]
+        if threshold is not None and not 0 < threshold < _MAX_THRESHOLD:
+            rule = f"greater than 0 and less than {_MAX_THRESHOLD:g} m"
+            cure = f"; {threshold:g} mm are {threshold / _MM:g}" if threshold > 0 else ""
+            message = f"--threshold must be {rule}, got {threshold:g}{cure}."
+            raise ValueError(message)
+        if len(set(names)) < len(names):
+            message = f"--band must give each name once, got {', '.join(names)}."
+            raise ValueError(message)
+        self.bands()
+
+    def bands(self) -> Mapping[str, Filter]:
+        """Filters of the bands by name."""
+        if not self.band:
+            return WAVEBANDS
+        return {name: Butterworth(shortest=low, longest=high) for name, low, high in self.band}
 
 
 def evenness(
     file: Path,
     /,
     *more: Path,
-    segment: float = 100.0,
-    straightedge: float = 3.0,
-    threshold: float | None = None,
-    band: Annotated[list[tuple[str, float, float]] | None, Parameter(show_default=False)] = None,
+    request: Annotated[_EvennessRequest, Parameter(name="*")] = _EvennessRequest(),
     json: bool = False,
     plot: Path | None = None,
     force: bool = False,
@@ -54,17 +89,6 @@ def evenness(
         Profile: ERD, CSV or Parquet; equally spaced.
     more
         More profiles.
-    segment
-        Length of the fixed segments [m]; the last one may be shorter.
-    straightedge
-        Distance between the wheels of the straightedge [m]. 3.048 m (10 ft) and 4.877 m (16 ft) are
-        also in use.
-    threshold
-        Maximum allowed deviation above or below the beam [m], e.g. 0.004; stretches that exceed it
-        are listed.
-    band
-        Name, shortest and longest wavelength [m] of a band, instead of the three above; may be
-        given several times.
     json
         Print one JSON document instead of tables. One file gives {"file", "bands": [{"name",
         "shortest", "longest"}], "straightedge", "tracks": [{"name", "rms": {BAND: ...},
@@ -79,37 +103,19 @@ def evenness(
     force
         Replace the picture if it exists.
     """
-    from trueterrain import figures
-
-    if threshold is not None and not 0 < threshold < _MAX_THRESHOLD:
-        rule = f"greater than 0 and less than {_MAX_THRESHOLD:g} m"
-        cure = f"; {threshold:g} mm are {threshold / _MM:g}" if threshold >= _MAX_THRESHOLD else ""
-        raise ValueError(f"--threshold must be {rule}, got {threshold:g}{cure}.")
     files = (file, *more)
-    if plot is not None:
-        figures.require_picture(plot, force=force, inputs=files)
-    wanted = _EvennessRequest(_wavebands(band), segment, straightedge, threshold)
-    rated = [_rate_file(path, wanted) for path in files]
-    documents = [_json_document(one, wanted) for one in rated]
+    check_picture(plot, force=force, inputs=files)
+    rated = [_rate_file(path, request) for path in files]
+    documents = [_json_document(one, request) for one in rated]
     if json:
         write_json(documents if more else documents[0])
     else:
         for one, document in zip(rated, documents, strict=True):
-            _print_result(one, document, wanted)
-        _print_conventions(wanted)
+            _print_result(one, document, request)
+        _print_conventions(request)
     if plot is not None:
-        panels = [_picture_panels(one, wanted) for one in rated]
+        panels = [_picture_panels(one, request) for one in rated]
         draw_panels([path.name for path in files], panels, plot, force=force)
-
-
-@dataclass(frozen=True)
-class _EvennessRequest:
-    """Settings of the command; lengths in m."""
-
-    bands: "Mapping[str, Filter]"
-    segment: float
-    straightedge: float
-    threshold: float | None
 
 
 @dataclass(frozen=True)
@@ -117,40 +123,26 @@ class _EvennessResult:
     """Results for one file."""
 
     path: Path
-    waves: "xr.Dataset"
-    beam: "xr.Dataset"
-    beyond: "xr.Dataset | None"
+    waves: xr.Dataset
+    beam: xr.Dataset
+    beyond: xr.Dataset | None
 
 
-def _wavebands(stated: list[tuple[str, float, float]] | None) -> "Mapping[str, Filter]":
-    from trueterrain.roughness import WAVEBANDS, Butterworth
-
-    if not stated:
-        return WAVEBANDS
-    names = [name for name, _, _ in stated]
-    if len(set(names)) < len(names):
-        message = f"--band must give each name once, got {', '.join(names)}."
-        raise ValueError(message)
-    return {name: Butterworth(shortest=low, longest=high) for name, low, high in stated}
-
-
-def _rate_file(path: Path, wanted: _EvennessRequest) -> _EvennessResult:
-    from trueterrain import roughness
-
+def _rate_file(path: Path, request: _EvennessRequest) -> _EvennessResult:
     profile = read_profile(path)
     with name_file_in_errors(path):
-        beam = roughness.rolling_straightedge(profile, wanted.straightedge)
-        bands = _resolved_bands(path, profile, wanted.bands)
-        waves = roughness.waveband_rms(profile, bands=bands, segment=wanted.segment)
+        beam = roughness.rolling_straightedge(profile, request.straightedge)
+        bands = _resolved_bands(path, profile, request.bands())
+        waves = roughness.waveband_rms(profile, bands=bands, segment=request.segment)
         beyond = None
-        if wanted.threshold is not None:
-            beyond = roughness.find_stretches(abs(beam["deviation"]), wanted.threshold)
+        if request.threshold is not None:
+            beyond = roughness.find_stretches(abs(beam["deviation"]), request.threshold)
     return _EvennessResult(path, waves, beam, beyond)
 
 
 def _resolved_bands(
-    path: Path, profile: "xr.Dataset", bands: "Mapping[str, Filter]"
-) -> "Mapping[str, Filter]":
+    path: Path, profile: xr.Dataset, bands: Mapping[str, Filter]
+) -> Mapping[str, Filter]:
     """Bands that the profile resolves, with a warning for each other band."""
     s = profile["s"].values
     length = float(s[-1] - s[0])
@@ -173,15 +165,15 @@ def _resolved_bands(
     return {name: band for name, band in bands.items() if name not in flags}
 
 
-def _json_document(rated: _EvennessResult, wanted: _EvennessRequest) -> dict[str, Any]:
+def _json_document(rated: _EvennessResult, request: _EvennessRequest) -> dict[str, Any]:
     tracks = []
     for name in rated.waves["track"].values:
         waves, deviation = rated.waves.sel(track=name), rated.beam["deviation"].sel(track=name)
         track: dict[str, Any] = {
             "name": str(name),
-            "rms": _band_rms(waves["rms"], wanted),
+            "rms": _band_rms(waves["rms"], request),
             "deviation": _deviation_values(deviation),
-            "segments": list(_segment_values(waves, deviation, wanted)),
+            "segments": list(_segment_values(waves, deviation, request)),
         }
         if rated.beyond is not None:
             found = _track_stretches(rated.beyond, str(name), deviation)
@@ -190,26 +182,25 @@ def _json_document(rated: _EvennessResult, wanted: _EvennessRequest) -> dict[str
         tracks.append(track)
     bands = [
         {"name": name, "shortest": band.shortest, "longest": band.longest}
-        for name, band in wanted.bands.items()
+        for name, band in request.bands().items()
     ]
     return {
         "file": str(rated.path),
         "bands": bands,
-        "straightedge": wanted.straightedge,
+        "straightedge": request.straightedge,
         "tracks": tracks,
     }
 
 
-def _band_rms(values: "xr.DataArray", wanted: _EvennessRequest) -> dict[str, float]:
+def _band_rms(values: xr.DataArray, request: _EvennessRequest) -> dict[str, float]:
     """RMS of each requested band [m]; NaN for those left out."""
     known = dict(zip(values["band"].values.tolist(), values.values.tolist(), strict=True))
-    return {name: known.get(name, math.nan) for name in wanted.bands}
+    return {name: known.get(name, math.nan) for name in request.bands()}
 
 
 def _segment_values(
-    waves: "xr.Dataset", deviation: "xr.DataArray", wanted: _EvennessRequest
+    waves: xr.Dataset, deviation: xr.DataArray, request: _EvennessRequest
 ) -> Iterator[dict[str, Any]]:
-    import numpy as np
 
     start, end = waves["start"].values, waves["end"].values
     rounding = 1e-9 * float(
@@ -221,15 +212,13 @@ def _segment_values(
         yield {
             "start": float(start[at]),
             "end": float(end[at]),
-            "rms": _band_rms(waves["segment_rms"].isel(segment=at), wanted),
+            "rms": _band_rms(waves["segment_rms"].isel(segment=at), request),
             "deviation": _deviation_values(deviation[begin:stop]),
         }
 
 
-def _deviation_values(deviation: "xr.DataArray") -> dict[str, float]:
+def _deviation_values(deviation: xr.DataArray) -> dict[str, float]:
     """95 % quantile of the magnitude, peak and its station [m]; NaN for an empty segment."""
-    import numpy as np
-
     if deviation.size == 0:
         return {"p95": math.nan, "peak": math.nan, "peak_at": math.nan}
     magnitude = np.abs(deviation.values)
@@ -242,7 +231,7 @@ def _deviation_values(deviation: "xr.DataArray") -> dict[str, float]:
 
 
 def _track_stretches(
-    found: "xr.Dataset", track: str, deviation: "xr.DataArray"
+    found: xr.Dataset, track: str, deviation: xr.DataArray
 ) -> list[dict[str, float]]:
     """Stretches of a track; peaks have their sign."""
     own = found.isel(stretch=found["track"].values == track)
@@ -254,9 +243,9 @@ def _track_stretches(
 
 
 def _print_result(
-    rated: _EvennessResult, document: dict[str, Any], wanted: _EvennessRequest
+    rated: _EvennessResult, document: dict[str, Any], request: _EvennessRequest
 ) -> None:
-    names = [f"{name} [mm]" for name in wanted.bands]
+    names = [f"{name} [mm]" for name in request.bands()]
     rows = [["track", "from [m]", "to [m]", *names, "95 % [mm]", "peak [mm]", "at [m]"]]
     complete = rated.waves["complete"].values
     for track in document["tracks"]:
@@ -268,10 +257,10 @@ def _print_result(
         rows.append([track["name"], "whole", "", *_table_cells(track)])
     write_line(f"Evenness of {document['file']}")
     write_table(rows)
-    if wanted.threshold is not None:
+    if request.threshold is not None:
         length = float(rated.beam["s"][-1] - rated.beam["s"][0])
         for track in document["tracks"]:
-            _show_stretches(track, _MM * wanted.threshold, length)
+            _show_stretches(track, _MM * request.threshold, length)
     write_line()
 
 
@@ -299,10 +288,10 @@ def _show_stretches(track: dict[str, Any], threshold: float, length: float) -> N
         write_line(others)
 
 
-def _print_conventions(wanted: _EvennessRequest) -> None:
+def _print_conventions(request: _EvennessRequest) -> None:
     """Print the conventions: they change the numbers."""
     edges = [
-        f"{name} {band.shortest:g} to {band.longest:g} m" for name, band in wanted.bands.items()
+        f"{name} {band.shortest:g} to {band.longest:g} m" for name, band in request.bands().items()
     ]
     write_line(f"RMS in bands: {', '.join(edges)}; Butterworth, half of the power at the edges.")
     write_line(
@@ -310,18 +299,18 @@ def _print_conventions(wanted: _EvennessRequest) -> None:
     )
     write_line(
         f"95 % and peak: ground above (+) or below (-) the midpoint of a beam of "
-        f"{wanted.straightedge:g} m on two wheels."
+        f"{request.straightedge:g} m on two wheels."
     )
     write_line("Bands, filter and straightedge were not checked against the texts of EN 13036.")
 
 
 def _picture_panels(
-    rated: _EvennessResult, wanted: _EvennessRequest
+    rated: _EvennessResult, request: _EvennessRequest
 ) -> list[Callable[[Any], object]]:
     """Panels of a file: functions that draw into given axes."""
     from trueterrain import figures
 
     return [
-        lambda ax: figures.straightedge_deviation(rated.beam, threshold=wanted.threshold, ax=ax),
+        lambda ax: figures.straightedge_deviation(rated.beam, threshold=request.threshold, ax=ax),
         lambda ax: figures.waveband_segments(rated.waves, ax=ax),
     ]

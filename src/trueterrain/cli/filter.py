@@ -1,19 +1,22 @@
 """The command ``trueterrain filter``: low, high and band pass of profiles by wavelength."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
+import xarray as xr
 from cyclopts import Parameter
 
+from trueterrain import formats
 from trueterrain.cli._console import note_compilation, note_omissions, write_note
-from trueterrain.cli._options import INTEGER
 from trueterrain.cli._profiles import read_profile, write_warning
 from trueterrain.core.errors import name_file_in_errors
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trueterrain.roughness import Filter
+from trueterrain.roughness import (
+    FILTER_250_MM,
+    Butterworth,
+    Filter,
+    MovingAverage,
+    filter_profile,
+)
 
 Kind = Literal["butterworth", "moving-average", "250mm"]
 
@@ -26,7 +29,7 @@ def filter(  # noqa: A001 - the name of the command
     kind: Kind = "butterworth",
     shortest: float | None = None,
     longest: float | None = None,
-    order: Annotated[int | None, INTEGER] = None,
+    order: int | None = None,
     force: bool = False,
 ) -> None:
     """Filter profiles by wavelength: low, high or band pass without phase shift.
@@ -58,9 +61,6 @@ def filter(  # noqa: A001 - the name of the command
     force
         Replace the output if it exists.
     """
-    from trueterrain import formats
-    from trueterrain.roughness import filter_profile
-
     by = _chosen_filter(kind, shortest, longest, order)
     formats.writer_of("profile", output)
     formats.require_writable(output, force=force, inputs=[file], kind="profile")
@@ -75,9 +75,7 @@ def filter(  # noqa: A001 - the name of the command
 
 def _chosen_filter(
     kind: Kind, shortest: float | None, longest: float | None, order: int | None
-) -> "Filter":
-    from trueterrain.roughness import FILTER_250_MM, Butterworth, MovingAverage
-
+) -> Filter:
     if order is not None and kind != "butterworth":
         message = f"--order is for --kind butterworth, got --kind {kind}."
         raise ValueError(message)
@@ -99,7 +97,7 @@ def _chosen_filter(
     return Butterworth(shortest=shortest, longest=longest, order=order)
 
 
-def _warn_of_window(path: Path, profile: "xr.Dataset", by: "Filter") -> None:
+def _warn_of_window(path: Path, profile: xr.Dataset, by: Filter) -> None:
     """Warn if a moving average has too few samples; a Butterworth filter raises an error."""
     s = profile["s"].values
     spacing = float(s[-1] - s[0]) / (s.size - 1)
@@ -110,7 +108,7 @@ def _warn_of_window(path: Path, profile: "xr.Dataset", by: "Filter") -> None:
         )
 
 
-def _print_summary(result: "xr.Dataset", by: "Filter", output: Path) -> None:
+def _print_summary(result: xr.Dataset, by: Filter, output: Path) -> None:
     tracks = result.sizes.get("track", 1)
     several = f" of {tracks} tracks" if tracks > 1 else ""
     s = result["s"].values
@@ -127,7 +125,7 @@ def _print_summary(result: "xr.Dataset", by: "Filter", output: Path) -> None:
         )
 
 
-def _passed_text(by: "Filter") -> str:
+def _passed_text(by: Filter) -> str:
     if by.longest is None:
         return f"waves longer than {by.shortest:g} m"
     if by.shortest is None:
@@ -135,15 +133,13 @@ def _passed_text(by: "Filter") -> str:
     return f"waves from {by.shortest:g} to {by.longest:g} m"
 
 
-def _filter_reach(by: "Filter") -> float:
+def _filter_reach(by: Filter) -> float:
     """Distance over which an end affects a filter [m]: half of its windows, or one wavelength."""
-    from trueterrain.roughness import MovingAverage
-
     lengths = by.shortest or 0.0, by.longest or 0.0
     return 0.5 * sum(lengths) if isinstance(by, MovingAverage) else max(lengths)
 
 
-def _note_omissions(profile: "xr.Dataset", result: "xr.Dataset", output: Path) -> None:
+def _note_omissions(profile: xr.Dataset, result: xr.Dataset, output: Path) -> None:
     """Note the variables that are not in the output."""
     omitted = [str(name) for name in profile.data_vars if name not in result]
     if omitted:

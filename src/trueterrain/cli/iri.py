@@ -4,11 +4,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Annotated, Any, Literal
 
+import xarray as xr
+from cyclopts import Parameter
+
+from trueterrain import roughness
 from trueterrain.cli._console import note_compilation, write_json, write_line
+from trueterrain.cli._options import flatten_settings
 from trueterrain.cli._profiles import (
-    Window,
+    check_picture,
     draw_panels,
     explain_run,
     read_profile,
@@ -17,35 +22,73 @@ from trueterrain.cli._profiles import (
     write_table,
 )
 from trueterrain.core.errors import name_file_in_errors
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trueterrain.roughness import IriSettings
-
-Unit = Literal["m/km", "in/mi"]
+from trueterrain.roughness import IN_PER_MI, IriSettings
 
 _MAX_CLASSES = 1000  # of a histogram; more is a mistake in the width
 
 # [m] below this length the initial state of the car affects the index (10 % and more at 91 m)
 _MIN_LENGTH = 100.0
 
+_STARTS = {"11m": "first 11 m", "0.5s": "first 0.5 s", "level": "level"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _IriRequest:
+    """What is rated and marked."""
+
+    segment: float = 100.0
+    "Length of the fixed segments [m]; the last one may be shorter."
+
+    continuous: float | None = None
+    """Length of a window that slides along each track [m]; none by default. 7.62 m (25 ft) and
+    160.93 m (528 ft) are common."""
+
+    step: float | None = None
+    "Distance from one sliding window to the next [m]; by default 1."
+
+    threshold: float | None = None
+    """Maximum allowed IRI, in --unit: segments above it are marked, and with --continuous the
+    stretches above it are listed."""
+
+    histogram: float | None = None
+    """Width of the classes of a histogram of the IRI, in --unit; the fraction of the length in each
+    class is printed."""
+
+    unit: Literal["m/km", "in/mi"] = "m/km"
+    "Unit of the IRI; 1 m/km is 63.36 in/mi. Lengths are in metres with either."
+
+    wheel_paths: tuple[str, str] | None = None
+    """Names of the left and the right track; by default both of two tracks, or of more those that
+    are named left and right."""
+
+    def __post_init__(self) -> None:
+        if self.step is not None and self.continuous is None:
+            message = "--step needs --continuous, which is not given."
+            raise ValueError(message)
+        for name, value in (("--threshold", self.threshold), ("--histogram", self.histogram)):
+            if value is not None and not value > 0:
+                message = f"{name} must be finite and greater than 0 {self.unit}, got {value}."
+                raise ValueError(message)
+
+    @property
+    def factor(self) -> float:
+        """1 m/km in the unit."""
+        return 1.0 if self.unit == "m/km" else IN_PER_MI
+
+    @property
+    def limit(self) -> float | None:
+        """Threshold [m/km]."""
+        return None if self.threshold is None else self.threshold / self.factor
+
 
 def iri(
     file: Path,
     /,
     *more: Path,
-    segment: float = 100.0,
-    continuous: float | None = None,
-    step: float | None = None,
-    threshold: float | None = None,
-    histogram: float | None = None,
-    unit: Unit = "m/km",
-    window: Window = "sayers",
-    window_length: float = 0.25,
-    start: Literal["11m", "0.5s", "level"] = "11m",
-    restart: bool = False,
-    wheel_paths: tuple[str, str] | None = None,
+    request: Annotated[_IriRequest, Parameter(name="*")] = _IriRequest(),
+    settings: Annotated[
+        IriSettings, flatten_settings("Conventions of the index", omit=["car"])
+    ] = IriSettings(),
     json: bool = False,
     plot: Path | None = None,
     force: bool = False,
@@ -64,35 +107,6 @@ def iri(
         Profile: ERD, CSV or Parquet.
     more
         More profiles.
-    segment
-        Length of the fixed segments [m]; the last one may be shorter.
-    continuous
-        Length of a window that slides along each track [m]; none by default. 7.62 m (25 ft) and
-        160.93 m (528 ft) are common.
-    step
-        Distance from one sliding window to the next [m]; by default 1.
-    threshold
-        Maximum allowed IRI, in --unit: segments above it are marked, and with --continuous the
-        stretches above it are listed.
-    histogram
-        Width of the classes of a histogram of the IRI, in --unit; the fraction of the length in
-        each class is printed.
-    unit
-        Unit of the IRI; 1 m/km is 63.36 in/mi. Lengths are in metres with either.
-    window
-        Moving average before the car. sayers: slope over the whole number of samples nearest to the
-        length, equal spacing only; centred: mean of the samples within half a length; exact: mean
-        of the linearly interpolated profile; none: for profiles that are smoothed already.
-    window_length
-        Length of the moving average [m].
-    start
-        Initial slope of the car. 11m: chord of the first 11 m as in the program; 0.5s: chord of the
-        first half second (11.11 m); level: 0.
-    restart
-        Start the car anew in each segment, instead of one run over the whole profile.
-    wheel_paths
-        Names of the left and the right track; by default both of two tracks, or of more those that
-        are named left and right.
     json
         Print one JSON document instead of tables. One file gives {"file", "tracks": [{"name",
         "iri", "segments": [{"start", "end", "iri"}]}], "mri", "hri", "unit"}, several files a list
@@ -107,60 +121,20 @@ def iri(
     force
         Replace the picture if it exists.
     """
-    from trueterrain import figures
-    from trueterrain.roughness import IriSettings
-
-    if step is not None and continuous is None:
-        message = "--step needs --continuous, which is not given."
-        raise ValueError(message)
-    for name, value in (("--threshold", threshold), ("--histogram", histogram)):
-        if value is not None and not (math.isfinite(value) and value > 0):
-            message = f"{name} must be finite and greater than 0 {unit}, got {value}."
-            raise ValueError(message)
     files = (file, *more)
-    if plot is not None:
-        figures.require_picture(plot, force=force, inputs=files)
-    options = IriSettings(window=window, window_length=window_length, start=start, restart=restart)
-    wanted = _IriRequest(
-        unit, segment, continuous, 1.0 if step is None else step, threshold, histogram
-    )
+    check_picture(plot, force=force, inputs=files)
     with note_compilation():
-        rated = [_rate_file(path, options, wanted, wheel_paths) for path in files]
-    documents = [_json_document(one, wanted) for one in rated]
+        rated = [_rate_file(path, settings, request) for path in files]
+    documents = [_json_document(one, request) for one in rated]
     if json:
         write_json(documents if more else documents[0])
     else:
         for one, document in zip(rated, documents, strict=True):
-            _print_result(one, document, wanted)
-        names = {"11m": "first 11 m", "0.5s": "first 0.5 s", "level": "level"}
-        write_line(f"Golden car {explain_run(options, names[start])}")
+            _print_result(one, document, request)
+        write_line(f"Golden car {explain_run(settings, _STARTS[settings.start])}")
     if plot is not None:
-        panels = [_picture_panels(one, wanted) for one in rated]
+        panels = [_picture_panels(one, request) for one in rated]
         draw_panels([path.name for path in files], panels, plot, force=force)
-
-
-@dataclass(frozen=True)
-class _IriRequest:
-    """Settings of the command, besides the conventions of the index."""
-
-    unit: Unit
-    segment: float
-    continuous: float | None
-    step: float
-    threshold: float | None  # in the unit
-    histogram: float | None  # in the unit
-
-    @property
-    def factor(self) -> float:
-        """1 m/km in the unit."""
-        from trueterrain.roughness import IN_PER_MI
-
-        return 1.0 if self.unit == "m/km" else IN_PER_MI
-
-    @property
-    def limit(self) -> float | None:
-        """Threshold [m/km]."""
-        return None if self.threshold is None else self.threshold / self.factor
 
 
 @dataclass(frozen=True)
@@ -168,38 +142,33 @@ class _IriResult:
     """Results for one file."""
 
     path: Path
-    index: "xr.Dataset"
-    sliding: "xr.Dataset | None"
-    too_rough: "xr.Dataset | None"
-    histogram: "xr.Dataset | None"
+    index: xr.Dataset
+    sliding: xr.Dataset | None
+    too_rough: xr.Dataset | None
+    histogram: xr.Dataset | None
 
 
-def _rate_file(
-    path: Path, options: "IriSettings", wanted: _IriRequest, wheel_paths: tuple[str, str] | None
-) -> _IriResult:
-    from trueterrain import roughness
-
+def _rate_file(path: Path, settings: IriSettings, request: _IriRequest) -> _IriResult:
     profile = read_profile(path)
-    warn_of_rating(path, profile, options)
+    warn_of_rating(path, profile, settings)
     sliding = too_rough = histogram = None
     with name_file_in_errors(path):
         index = roughness.iri(
-            profile, options=options, segment=wanted.segment, wheel_paths=wheel_paths
+            profile, settings=settings, segment=request.segment, wheel_paths=request.wheel_paths
         )
-        if wanted.continuous is not None:
+        if request.continuous is not None:
+            step = 1.0 if request.step is None else request.step
             sliding = roughness.continuous_iri(
-                profile, wanted.continuous, step=wanted.step, options=options
+                profile, request.continuous, step=step, settings=settings
             )
-            if wanted.limit is not None:
-                too_rough = roughness.find_stretches(sliding["iri"], wanted.limit)
-        if wanted.histogram is not None:
-            histogram = _iri_histogram(index, wanted.histogram / wanted.factor)
+            if request.limit is not None:
+                too_rough = roughness.find_stretches(sliding["iri"], request.limit)
+        if request.histogram is not None:
+            histogram = _iri_histogram(index, request.histogram / request.factor)
     return _IriResult(path, index, sliding, too_rough, histogram)
 
 
-def _iri_histogram(index: "xr.Dataset", width: float) -> "xr.Dataset":
-    from trueterrain import roughness
-
+def _iri_histogram(index: xr.Dataset, width: float) -> xr.Dataset:
     count = math.floor(float(index["segment_iri"].max()) / width) + 1
     if count > _MAX_CLASSES:
         message = f"--histogram must leave at most {_MAX_CLASSES} classes, got {count}."
@@ -208,8 +177,8 @@ def _iri_histogram(index: "xr.Dataset", width: float) -> "xr.Dataset":
     return roughness.iri_histogram(index, edges).isel({"class": slice(0, count)})
 
 
-def _json_document(rated: _IriResult, wanted: _IriRequest) -> dict[str, Any]:
-    index, factor = rated.index, wanted.factor
+def _json_document(rated: _IriResult, request: _IriRequest) -> dict[str, Any]:
+    index, factor = rated.index, request.factor
     tracks = []
     for name in index["track"].values:
         one = index.sel(track=name)
@@ -221,8 +190,8 @@ def _json_document(rated: _IriResult, wanted: _IriRequest) -> dict[str, Any]:
         if rated.sliding is not None:
             values = factor * rated.sliding["iri"].sel(track=name).values
             track["continuous"] = _segment_values(rated.sliding, values)
-        if wanted.limit is not None:
-            above = one["segment_iri"].values > wanted.limit
+        if request.limit is not None:
+            above = one["segment_iri"].values > request.limit
             track["too_rough"] = float((index["end"] - index["start"]).values[above].sum())
         if rated.too_rough is not None:
             track["stretches"] = _track_stretches(rated.too_rough, str(name), factor)
@@ -234,11 +203,11 @@ def _json_document(rated: _IriResult, wanted: _IriRequest) -> dict[str, Any]:
         "tracks": tracks,
         "mri": factor * index["mri"].item(),
         "hri": factor * index["hri"].item(),
-        "unit": wanted.unit,
+        "unit": request.unit,
     }
 
 
-def _segment_values(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
+def _segment_values(index: xr.Dataset, values: Any) -> list[dict[str, float]]:
     starts, ends = index["start"].values, index["end"].values
     return [
         {"start": float(start), "end": float(end), "iri": float(value)}
@@ -246,7 +215,7 @@ def _segment_values(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
     ]
 
 
-def _track_stretches(found: "xr.Dataset", track: str, factor: float) -> list[dict[str, float]]:
+def _track_stretches(found: xr.Dataset, track: str, factor: float) -> list[dict[str, float]]:
     own = found.isel(stretch=found["track"].values == track)
     return [
         {"start": start, "end": end, "peak": factor * peak, "peak_at": at}
@@ -257,7 +226,7 @@ def _track_stretches(found: "xr.Dataset", track: str, factor: float) -> list[dic
     ]
 
 
-def _histogram_classes(histogram: "xr.Dataset", factor: float) -> list[dict[str, float]]:
+def _histogram_classes(histogram: xr.Dataset, factor: float) -> list[dict[str, float]]:
     columns = (histogram[name].values.tolist() for name in ("above", "below", "length", "fraction"))
     return [
         {"above": factor * above, "below": factor * below, "length": length, "share": fraction}
@@ -265,15 +234,15 @@ def _histogram_classes(histogram: "xr.Dataset", factor: float) -> list[dict[str,
     ]
 
 
-def _print_result(rated: _IriResult, document: dict[str, Any], wanted: _IriRequest) -> None:
-    tracks, unit, index = document["tracks"], wanted.unit, rated.index
+def _print_result(rated: _IriResult, document: dict[str, Any], request: _IriRequest) -> None:
+    tracks, unit, index = document["tracks"], request.unit, rated.index
     digits = 3 if unit == "m/km" else 1
     rows = [["from [m]", "to [m]", *(f"{track['name']} [{unit}]" for track in tracks)]]
     for row, complete in enumerate(index["complete"].values):
         piece = tracks[0]["segments"][row]
         values = [track["segments"][row]["iri"] for track in tracks]
         remarks = [] if complete else ["shorter"]
-        if wanted.threshold is not None and max(values) > wanted.threshold:
+        if request.threshold is not None and max(values) > request.threshold:
             remarks.append("too rough")
         ends = [f"{piece['start']:.2f}", f"{piece['end']:.2f}"]
         rows.append([*ends, *(f"{value:.{digits}f}" for value in values), *remarks])
@@ -282,8 +251,8 @@ def _print_result(rated: _IriResult, document: dict[str, Any], wanted: _IriReque
     write_table(rows)
     length = float(index["end"][-1] - index["start"][0])
     for track in tracks:
-        _show_track(track, wanted, length, digits)
-    if wanted.histogram is not None:
+        _show_track(track, request, length, digits)
+    if request.histogram is not None:
         _show_histogram(tracks, unit)
     for name, meaning in (("mri", "mean of the IRI"), ("hri", "IRI of the mean")):
         if not math.isnan(document[name]):
@@ -294,15 +263,15 @@ def _print_result(rated: _IriResult, document: dict[str, Any], wanted: _IriReque
     write_line()
 
 
-def _show_track(track: dict[str, Any], wanted: _IriRequest, length: float, digits: int) -> None:
+def _show_track(track: dict[str, Any], request: _IriRequest, length: float, digits: int) -> None:
     """Print roughest window, rough segments and stretches of one track."""
-    name, unit = track["name"], wanted.unit
+    name, unit = track["name"], request.unit
     if windows := track.get("continuous"):
         worst = max(windows, key=lambda window: float(window["iri"]))
         place = f"{worst['start']:.2f} to {worst['end']:.2f} m"
         write_line(f"Roughest window of {name}: {worst['iri']:.{digits}f} {unit}, {place}")
-    if wanted.threshold is not None:
-        limit = f"{wanted.threshold:g} {unit}"
+    if request.threshold is not None:
+        limit = f"{request.threshold:g} {unit}"
         write_line(f"Segments of {name} above {limit}: {track['too_rough']:.2f} of {length:.2f} m")
         if (found := track.get("stretches")) is not None:
             write_line(f"Stretches of {name} above {limit}: {len(found)}")
@@ -314,7 +283,7 @@ def _show_track(track: dict[str, Any], wanted: _IriRequest, length: float, digit
             write_line(others)
 
 
-def _show_histogram(tracks: list[dict[str, Any]], unit: Unit) -> None:
+def _show_histogram(tracks: list[dict[str, Any]], unit: str) -> None:
     """Print the fraction of the length of each track in the classes of the index."""
     rows = [[f"IRI [{unit}]", *(f"{track['name']} [%]" for track in tracks)]]
     for classes in zip(*(track["histogram"] for track in tracks), strict=True):
@@ -323,20 +292,20 @@ def _show_histogram(tracks: list[dict[str, Any]], unit: Unit) -> None:
     write_table(rows)
 
 
-def _picture_panels(rated: _IriResult, wanted: _IriRequest) -> list[Callable[[Any], object]]:
+def _picture_panels(rated: _IriResult, request: _IriRequest) -> list[Callable[[Any], object]]:
     """Panels of a file: functions that draw into given axes."""
     from trueterrain import figures
 
     def segments(ax: Any) -> None:
         figures.iri_segments(rated.index, ax=ax)
-        if wanted.limit is not None:
-            ax.axhline(wanted.limit, color="0.3", linewidth=1.0, linestyle="--")
-            ax.set_ylim(top=max(ax.get_ylim()[1], 1.08 * wanted.limit))
+        if request.limit is not None:
+            ax.axhline(request.limit, color="0.3", linewidth=1.0, linestyle="--")
+            ax.set_ylim(top=max(ax.get_ylim()[1], 1.08 * request.limit))
 
     panels: list[Callable[[Any], object]] = [segments]
     if (sliding := rated.sliding) is not None:
         panels.append(
-            lambda ax: figures.continuous_roughness(sliding, threshold=wanted.limit, ax=ax)
+            lambda ax: figures.continuous_roughness(sliding, threshold=request.limit, ax=ax)
         )
     if (histogram := rated.histogram) is not None:
         panels.append(lambda ax: figures.roughness_histogram(histogram, ax=ax))

@@ -1,16 +1,16 @@
 """The command ``trueterrain psd``: power spectral density and road class of profiles."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
+import xarray as xr
+
+from trueterrain import roughness
 from trueterrain.cli._console import write_json, write_line
-from trueterrain.cli._profiles import draw_panels, read_profile, write_table
+from trueterrain.cli._options import flatten_settings
+from trueterrain.cli._profiles import check_picture, draw_panels, read_profile, write_table
 from trueterrain.core.errors import name_file_in_errors
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trueterrain.roughness import PsdSettings
+from trueterrain.roughness import PsdSettings
 
 _MICRO = 1e6
 _HEIGHT = 5.0  # [inches] of the picture of one file
@@ -21,11 +21,7 @@ def psd(
     /,
     *more: Path,
     segment: float | None = None,
-    block: float = 1000.0,
-    lowest: float = 0.011,
-    highest: float = 2.83,
-    waviness: float | None = None,
-    confidence: float = 0.95,
+    settings: Annotated[PsdSettings, flatten_settings("Spectrum and its fit")] = PsdSettings(),
     json: bool = False,
     plot: Path | None = None,
     force: bool = False,
@@ -45,16 +41,6 @@ def psd(
         More profiles.
     segment
         Length of fixed segments that are also rated separately [m]; none by default.
-    block
-        Length of the blocks whose spectra are averaged [m]; the resolution is its inverse.
-    lowest
-        Lowest spatial frequency of the fit [cycles/m].
-    highest
-        Highest spatial frequency of the fit [cycles/m].
-    waviness
-        Assumed waviness, 2 in the classes of the standard; fitted by default.
-    confidence
-        Confidence level of the intervals [1].
     json
         Print one JSON document instead of tables. One file gives {"file", "tracks": [{"name",
         "road_class", "gd_n0", "waviness", "segments": [{"start", "end", "road_class", "gd_n0",
@@ -66,18 +52,11 @@ def psd(
     force
         Replace the picture if it exists.
     """
-    from trueterrain import figures
-    from trueterrain.roughness import PsdSettings
-
     files = (file, *more)
-    if plot is not None:
-        figures.require_picture(plot, force=force, inputs=files)
-    options = PsdSettings(
-        block=block, lowest=lowest, highest=highest, waviness=waviness, confidence=confidence
-    )
-    spectra = [_compute_psd(path, options, segment) for path in files]
+    check_picture(plot, force=force, inputs=files)
+    spectra = [_compute_psd(path, settings, segment) for path in files]
     documents = [
-        _json_document(path, one, options) for path, one in zip(files, spectra, strict=True)
+        _json_document(path, one, settings) for path, one in zip(files, spectra, strict=True)
     ]
     if json:
         write_json(documents if more else documents[0])
@@ -85,23 +64,23 @@ def psd(
         for document in documents:
             _print_result(document)
         write_line(
-            f"Fitted from {lowest:g} to {highest:g} cycles/m; blocks of {block:g} m; "
-            f"intervals of {100 * confidence:g} % confidence."
+            f"Fitted from {settings.lowest:g} to {settings.highest:g} cycles/m; blocks of "
+            f"{settings.block:g} m; intervals of {100 * settings.confidence:g} % confidence."
         )
     if plot is not None:
+        from trueterrain import figures
+
         panels = [[lambda ax, one=one: figures.road_spectrum(one, ax=ax)] for one in spectra]
         draw_panels([path.name for path in files], panels, plot, force=force, height=_HEIGHT)
 
 
-def _compute_psd(path: Path, options: "PsdSettings", segment: float | None) -> "xr.Dataset":
-    from trueterrain import roughness
-
+def _compute_psd(path: Path, settings: PsdSettings, segment: float | None) -> xr.Dataset:
     profile = read_profile(path)
     with name_file_in_errors(path):
-        return roughness.psd(profile, options=options, segment=segment)
+        return roughness.psd(profile, settings=settings, segment=segment)
 
 
-def _json_document(path: Path, spectrum: "xr.Dataset", options: "PsdSettings") -> dict[str, Any]:
+def _json_document(path: Path, spectrum: xr.Dataset, settings: PsdSettings) -> dict[str, Any]:
     tracks = []
     for name in spectrum["track"].values:
         one = spectrum.sel(track=name)
@@ -117,10 +96,10 @@ def _json_document(path: Path, spectrum: "xr.Dataset", options: "PsdSettings") -
             "bands": _band_values(one),
         }
         tracks.append(whole)
-    return {"file": str(path), "tracks": tracks, "confidence": options.confidence}
+    return {"file": str(path), "tracks": tracks, "confidence": settings.confidence}
 
 
-def _fit_values(one: "xr.Dataset", prefix: str) -> dict[str, Any]:
+def _fit_values(one: xr.Dataset, prefix: str) -> dict[str, Any]:
     fitted: dict[str, Any] = {"road_class": one[f"{prefix}road_class"].item()}
     for name in ("gd_n0", "waviness"):
         ends = {end: one[f"{prefix}{name}_{end}"].item() for end in ("low", "high")}
@@ -128,7 +107,7 @@ def _fit_values(one: "xr.Dataset", prefix: str) -> dict[str, Any]:
     return fitted
 
 
-def _band_values(one: "xr.Dataset") -> list[dict[str, Any]]:
+def _band_values(one: xr.Dataset) -> list[dict[str, Any]]:
     columns = {
         "lower": "lower",
         "centre": "centre",

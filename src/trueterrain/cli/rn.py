@@ -2,11 +2,15 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
+import xarray as xr
+
+from trueterrain import roughness
 from trueterrain.cli._console import note_compilation, write_json, write_line
+from trueterrain.cli._options import flatten_settings
 from trueterrain.cli._profiles import (
-    Window,
+    check_picture,
     draw_panels,
     explain_run,
     read_profile,
@@ -14,11 +18,7 @@ from trueterrain.cli._profiles import (
     write_table,
 )
 from trueterrain.core.errors import name_file_in_errors
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trueterrain.roughness import RideNumberSettings
+from trueterrain.roughness import RideNumberSettings
 
 
 def rn(
@@ -26,10 +26,10 @@ def rn(
     /,
     *more: Path,
     segment: float = 100.0,
-    window: Window = "sayers",
-    window_length: float = 0.25,
-    restart: bool = False,
     wheel_paths: tuple[str, str] | None = None,
+    settings: Annotated[
+        RideNumberSettings, flatten_settings("Conventions of the index", omit=["car"])
+    ] = RideNumberSettings(),
     json: bool = False,
     plot: Path | None = None,
     force: bool = False,
@@ -49,14 +49,6 @@ def rn(
         More profiles.
     segment
         Length of the fixed segments [m]; the last one may be shorter.
-    window
-        Moving average before the car. sayers: slope over the whole number of samples nearest to the
-        length, equal spacing only; centred: mean of the samples within half a length; exact: mean
-        of the linearly interpolated profile; none: for profiles that are smoothed already.
-    window_length
-        Length of the moving average [m].
-    restart
-        Start the car anew in each segment, instead of one run over the whole profile.
     wheel_paths
         Names of the left and the right track; by default both of two tracks, or of more those that
         are named left and right.
@@ -70,46 +62,41 @@ def rn(
     force
         Replace the picture if it exists.
     """
-    from trueterrain import figures
-    from trueterrain.roughness import RideNumberSettings
-
     files = (file, *more)
-    if plot is not None:
-        figures.require_picture(plot, force=force, inputs=files)
-    options = RideNumberSettings(window=window, window_length=window_length, restart=restart)
+    check_picture(plot, force=force, inputs=files)
     with note_compilation():
-        rated = [_rate_file(path, options, segment, wheel_paths) for path in files]
+        rated = [_rate_file(path, settings, segment, wheel_paths) for path in files]
     documents = [_json_document(path, one) for path, one in zip(files, rated, strict=True)]
     if json:
         write_json(documents if more else documents[0])
     else:
         for one, document in zip(rated, documents, strict=True):
             _print_result(one, document)
-        start = f"first {options.start_length:g} m"
-        write_line(f"Car of the Ride Number {explain_run(options, start)}")
+        start = f"first {settings.start_length:g} m"
+        write_line(f"Car of the Ride Number {explain_run(settings, start)}")
         write_line("The constants were not checked against the text of ASTM E1489.")
     if plot is not None:
+        from trueterrain import figures
+
         panels = [[lambda ax, one=one: figures.ride_number_segments(one, ax=ax)] for one in rated]
         draw_panels([path.name for path in files], panels, plot, force=force)
 
 
 def _rate_file(
     path: Path,
-    options: "RideNumberSettings",
+    settings: RideNumberSettings,
     segment: float,
     wheel_paths: tuple[str, str] | None,
-) -> "xr.Dataset":
-    from trueterrain import roughness
-
+) -> xr.Dataset:
     profile = read_profile(path)
-    warn_of_rating(path, profile, options)
+    warn_of_rating(path, profile, settings)
     with name_file_in_errors(path):
         return roughness.ride_number(
-            profile, options=options, segment=segment, wheel_paths=wheel_paths
+            profile, settings=settings, segment=segment, wheel_paths=wheel_paths
         )
 
 
-def _json_document(path: Path, rated: "xr.Dataset") -> dict[str, Any]:
+def _json_document(path: Path, rated: xr.Dataset) -> dict[str, Any]:
     starts, ends = rated["start"].values.tolist(), rated["end"].values.tolist()
     tracks = []
     for name in rated["track"].values:
@@ -131,7 +118,7 @@ def _json_document(path: Path, rated: "xr.Dataset") -> dict[str, Any]:
     return {"file": str(path), "tracks": tracks, "rn": both, "segments": segments}
 
 
-def _print_result(rated: "xr.Dataset", document: dict[str, Any]) -> None:
+def _print_result(rated: xr.Dataset, document: dict[str, Any]) -> None:
     tracks, both = document["tracks"], document["segments"]
     names = [track["name"] for track in tracks] + (["both"] if both else [])
     rows = [["from [m]", "to [m]", *names]]

@@ -3,6 +3,10 @@
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+import xarray as xr
+
+from trueterrain.core.progress import Progress, no_progress
+from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import Disc, Ellipse, Rectangle, SearchArea
 from trueterrain.profile.envelope import (
     Envelope,
@@ -13,7 +17,9 @@ from trueterrain.profile.envelope import (
     TandemCams,
     TyreName,
     named_tyre,
+    tyre_envelope,
 )
+from trueterrain.profile.extract import Ground, ThinPolicy, point_profile, tyre_profile
 from trueterrain.profile.statistic import (
     InverseDistance,
     Mean,
@@ -64,24 +70,24 @@ class TyreProfileSettings:
     """
 
     statistic: StatisticName = "median"
-    """Statistic of the heights. "trimmed" leaves out skip at either end; "bridge" leaves out the
-    highest skip and averages the next average; "steepest" is the most frequent height; "point" is
-    the bare line, without a search area."""
+    """Statistic of the heights. "trimmed" omits skip at either end; "bridge" omits the highest skip
+    and averages the next average; "steepest" is the most frequent height; "point" interpolates
+    along the line, without a search area."""
 
     radius: float | None = None
-    "Radius of the disc around each path point that is searched [m]; by default 0.025, at most 1."
+    "Radius of a disc as search area [m]; by default 0.025, at most 1."
 
     patch: tuple[float, float] | None = None
-    "Search a rectangle aligned with the path instead: length and width [m]."
+    "Rectangle aligned with the path as search area: length and width [m]."
 
     ellipse: tuple[float, float] | None = None
-    "Search an ellipse aligned with the path instead: length and width [m]."
+    "Ellipse aligned with the path as search area: length and width [m]."
 
     percent: float | None = None
-    "Percentile [%]."
+    "Percentile of the statistic percentile [%]."
 
     skip: float | None = None
-    "Fraction of the heights that trimmed and bridge leave out [%]; by default 10 and 15."
+    "Fraction of the heights that trimmed and bridge omit [%]; by default 10 and 15."
 
     average: float | None = None
     "Fraction of the heights that bridge averages [%]; by default 70."
@@ -90,20 +96,21 @@ class TyreProfileSettings:
     "Power of the inverse distance of idw-mean and idw-median; by default 2."
 
     resolution: float | None = None
-    """Step of quantised heights [m], with median and percentile: interpolates the distribution
-    between the steps."""
+    """Quantisation step of the heights [m], for median and percentile: the distribution is
+    interpolated between the steps."""
 
     bandwidth: float | None = None
     "Half width of the kernel of steepest [m]; by default from the scatter of the heights."
 
     level: bool = False
-    "Subtract the slope of the ground inside each search area first."
+    "Remove the slope of the ground inside each search area first."
 
     min_count: int = 3
-    "Minimum number of heights; search areas with fewer are thin."
+    "Minimum number of heights in a search area; one with fewer is thin."
 
-    thin: Literal["error", "nan"] = "error"
-    "Whether thin search areas are an error or become NaN."
+    thin: ThinPolicy = "error"
+    """Treatment of thin search areas, or of path points without ground under the whole tyre: error,
+    or NaN in the profile (CSV only)."""
 
     def __post_init__(self) -> None:
         """Check that parameters belong to the statistic."""
@@ -194,7 +201,7 @@ class EnvelopeSettings:
     contact patch."""
 
     tyre: TyreName | None = None
-    "Tyre whose size and stiffness are used: passenger or truck; by default passenger."
+    "Tyre that gives size and stiffness; by default passenger."
 
     load: float | None = None
     "Vertical load on springs [N]; by default the rated load of the tyre."
@@ -233,3 +240,52 @@ class EnvelopeSettings:
                 return LineLaser()
             case "patch":
                 return PatchMean.of(tyre)
+
+
+def take_profile(
+    ground: Ground,
+    path: WheelPath | None,
+    settings: TyreProfileSettings = TyreProfileSettings(),
+    *,
+    envelope: EnvelopeSettings | None = None,
+    progress: Progress = no_progress,
+) -> xr.Dataset:
+    """Profile by the named statistic of search areas, or by the named tyre model.
+
+    Parameters
+    ----------
+    ground : xarray.Dataset or iterable of xarray.Dataset
+        Surface or points; with `envelope` a surface or a profile.
+    path : WheelPath or None
+        Path; None along a profile.
+    settings : TyreProfileSettings
+        Search area, statistic and treatment of thin places.
+    envelope : EnvelopeSettings, optional
+        Tyre model that rolls along the path, instead of the statistic.
+    progress : callable
+        Reports path points done.
+
+    Returns
+    -------
+    xarray.Dataset
+        As by `tyre_envelope`, `point_profile` or `tyre_profile`.
+    """
+    if envelope is not None:
+        tyre = envelope.model()
+        return tyre_envelope(ground, path, tyre=tyre, thin=settings.thin, progress=progress)
+    if path is None:
+        message = "a path must be given, unless a tyre rolls along a profile."
+        raise ValueError(message)
+    statistic = settings.estimator()
+    if statistic is None:
+        return point_profile(ground, path)
+    return tyre_profile(
+        ground,
+        path,
+        area=settings.search_area(),
+        statistic=statistic,
+        level=settings.level,
+        min_count=settings.min_count,
+        thin=settings.thin,
+        progress=progress,
+    )

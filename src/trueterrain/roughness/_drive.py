@@ -32,7 +32,7 @@ class ProfileDrive:
     slope: float
     "Initial slope of the car [m/m]."
 
-    options: QuarterCarSettings
+    settings: QuarterCarSettings
     "Conventions."
 
     @property
@@ -43,7 +43,7 @@ class ProfileDrive:
     @property
     def constants(self) -> tuple[float, float, float, float, float, float]:
         """Elements of A, and a bound of its norm after scaling [1/s]."""
-        car = self.options.car
+        car = self.settings.car
         k1, k2, c, mu = car.tyre_stiffness, car.spring_stiffness, car.damping, car.mass_ratio
         wheel = math.sqrt((k1 + 2 * k2) / mu)  # about the frequency of wheel hop
         # infinity norm of A after the accelerations are divided by `wheel`, which makes the rows of
@@ -52,21 +52,21 @@ class ProfileDrive:
         return k1 / mu, k2 / mu, c / mu, k2, c, bound
 
 
-def drive_profile(station: Array, height: Array, options: QuarterCarSettings) -> ProfileDrive:
+def drive_profile(station: Array, height: Array, settings: QuarterCarSettings) -> ProfileDrive:
     """Apply moving average and initial slope to the heights of one track."""
     if station.size < 2:
         raise _too_short(station)
-    step = equal_step(station, options.spacing_tolerance)
+    step = equal_step(station, settings.spacing_tolerance)
     gaps = np.diff(station) if step is None else np.array([step])
-    _refuse_coarse(station, gaps, options.max_spacing)
-    slope = _start_slope(station, height, step, options.lead)
+    _refuse_coarse(station, gaps, settings.max_spacing)
+    slope = _start_slope(station, height, step, settings.lead)
     base = 1
-    if options.window == "sayers":
-        base = _sayers_base(station, step, options.window_length)
-    elif options.window == "centred":
-        height = _centred_mean(station, height, options.window_length)
-    elif options.window == "exact":
-        station, height = _exact_mean(station, height, options.window_length)
+    if settings.window == "sayers":
+        base = _sayers_base(station, step, settings.window_length)
+    elif settings.window == "centred":
+        height = _centred_mean(station, height, settings.window_length)
+    elif settings.window == "exact":
+        station, height = _exact_mean(station, height, settings.window_length)
     steps = station.size - base
     if steps < 1:
         raise _too_short(station)
@@ -76,14 +76,14 @@ def drive_profile(station: Array, height: Array, options: QuarterCarSettings) ->
         step=step,
         base=base,
         slope=slope,
-        options=options,
+        settings=settings,
     )
 
 
 def rate_track(
     station: Array,
     height: Array,
-    options: QuarterCarSettings,
+    settings: QuarterCarSettings,
     segments: FixedSegments,
     *,
     squared: bool = False,
@@ -92,11 +92,11 @@ def rate_track(
 
     In m/m, or its square; NaN for a segment without a step.
     """
-    drive = drive_profile(station, height, options)
-    if not (options.restart and segments.start.size):
+    drive = drive_profile(station, height, settings)
+    if not (settings.restart and segments.start.size):
         return mean_outputs(drive, segments.edges, squared=squared)
     whole, _ = mean_outputs(drive, np.empty(0), squared=squared)
-    once = replace(options, restart=False)
+    once = replace(settings, restart=False)
     parts = np.full(segments.start.size, np.nan)
     for at, (start, end) in enumerate(zip(segments.start, segments.end, strict=True)):
         inside = sample_range(station, start, end)
@@ -134,10 +134,10 @@ def step_response(drive: ProfileDrive) -> Array:
     out = np.empty(drive.station.size - 1)
     if drive.step is None:
         _kernels.unequal_response(
-            drive.station, drive.height, drive.options.speed, drive.constants, drive.state, out
+            drive.station, drive.height, drive.settings.speed, drive.constants, drive.state, out
         )
     else:
-        S, p = drive.options.car.transition(drive.step, speed=drive.options.speed)
+        S, p = drive.settings.car.transition(drive.step, speed=drive.settings.speed)
         scale = 1 / (drive.base * drive.step)
         _kernels.equal_response(drive.height, drive.base, scale, S, p, drive.state, out)
     return out
@@ -190,7 +190,7 @@ def _equal_sums(drive: ProfileDrive, edges: Array, squared: bool) -> tuple[float
 
     assert drive.step is not None
     steps = drive.station.size - 1
-    S, p = drive.options.car.transition(drive.step, speed=drive.options.speed)
+    S, p = drive.settings.car.transition(drive.step, speed=drive.settings.speed)
     at = (edges - drive.station[0]) / drive.step
     # a segment that ends at a sample must not divide the step before it because of rounding
     at = np.where(abs(at - np.rint(at)) < ROUNDING, np.rint(at), at)
@@ -202,7 +202,7 @@ def _equal_sums(drive: ProfileDrive, edges: Array, squared: bool) -> tuple[float
         1 / (drive.base * drive.step),
         S,
         p,
-        drive.step / drive.options.speed,
+        drive.step / drive.settings.speed,
         drive.constants,
         drive.state,
         squared,
@@ -230,7 +230,7 @@ def _unequal_sums(drive: ProfileDrive, edges: Array, squared: bool) -> tuple[flo
     own = np.insert(np.ones(drive.station.size, dtype=bool), at, values=False)
     out = np.empty(station.size - 1)
     _kernels.unequal_response(
-        station, height, drive.options.speed, drive.constants, drive.state, out
+        station, height, drive.settings.speed, drive.constants, drive.state, out
     )
     rectified = out**2 if squared else abs(out)
     total = float(np.sum(rectified[own[1:]] * np.diff(drive.station)))

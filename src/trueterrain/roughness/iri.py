@@ -16,6 +16,7 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.provenance import add_step
+from trueterrain.core.renamed import rename_keyword
 from trueterrain.roughness._drive import ProfileDrive, drive_profile, rate_track, step_response
 from trueterrain.roughness._segments import ROUNDING, cut_segments, find_wheel_paths, finite_tracks
 from trueterrain.roughness.settings import IriSettings, require_positive
@@ -31,10 +32,11 @@ _M_PER_KM = 1000.0
 _UNIT = {"units": "m/km"}
 
 
+@rename_keyword("options", "settings")
 def iri(
     profile: xr.Dataset,
     *,
-    options: IriSettings = IriSettings(),
+    settings: IriSettings = IriSettings(),
     segment: float | None = None,
     wheel_paths: Sequence[str] | None = None,
 ) -> xr.Dataset:
@@ -44,7 +46,7 @@ def iri(
     ----------
     profile : xarray.Dataset
         Profile with dimension s, optionally track [m].
-    options : IriSettings
+    settings : IriSettings
         Conventions; by default those of Sayers's program.
     segment : float, optional
         Length of fixed segments from the first sample on [m].
@@ -68,7 +70,7 @@ def iri(
         If `profile` is not a Profile, or its spacing is unequal and the window needs it equal.
     CoverageError
         If a height is not finite, or the profile is too short or has samples farther apart than
-        ``options.max_spacing``.
+        ``settings.max_spacing``.
 
     Notes
     -----
@@ -101,7 +103,7 @@ def iri(
     """
     station, heights, names = finite_tracks(profile)
     segments = cut_segments(station, segment)
-    rated = [rate_track(station, height, options, segments) for height in heights]
+    rated = [rate_track(station, height, settings, segments) for height in heights]
     paths = find_wheel_paths(names, wheel_paths)
     kept = np.flatnonzero(np.isfinite(rated[0][1]))
     whole = _M_PER_KM * np.array([total for total, _ in rated])
@@ -112,7 +114,7 @@ def iri(
         left, right = paths
         mri, segment_mri = whole[[left, right]].mean(), parts[[left, right]].mean(axis=0)
         mean_path = 0.5 * (heights[left] + heights[right])
-        total, part = rate_track(station, mean_path, options, segments)
+        total, part = rate_track(station, mean_path, settings, segments)
         hri, segment_hri = _M_PER_KM * total, _M_PER_KM * part[kept]
     data = xr.Dataset(
         {"iri": ("track", whole, _UNIT), "mri": ((), mri, _UNIT), "hri": ((), hri, _UNIT)},
@@ -124,15 +126,18 @@ def iri(
             segment_mri=("segment", segment_mri, _UNIT),
             segment_hri=("segment", segment_hri, _UNIT),
         ).assign_coords(segments.coordinates(kept))
-    return add_step(data, "iri", parameters={"options": options, "segment": segment}, after=profile)
+    return add_step(
+        data, "iri", parameters={"options": settings, "segment": segment}, after=profile
+    )
 
 
+@rename_keyword("options", "settings")
 def continuous_iri(
     profile: xr.Dataset,
     length: float,
     *,
     step: float | None = None,
-    options: IriSettings = IriSettings(),
+    settings: IriSettings = IriSettings(),
 ) -> xr.Dataset:
     """International Roughness Index in a sliding window along each track.
 
@@ -146,7 +151,7 @@ def continuous_iri(
         Length of the window [m].
     step : float, optional
         Distance from one window to the next [m]; by default the mean spacing of the samples.
-    options : IriSettings
+    settings : IriSettings
         Conventions; by default those of Sayers's program.
 
     Returns
@@ -159,12 +164,12 @@ def continuous_iri(
     Raises
     ------
     ValueError
-        If `length` or `step` is not greater than 0, or ``options.restart`` is true.
+        If `length` or `step` is not greater than 0, or ``settings.restart`` is true.
     SchemaError
         If `profile` is not a Profile, or its spacing is unequal and the window needs it equal.
     CoverageError
         If a height is not finite, the profile is shorter than `length`, or has samples farther
-        apart than ``options.max_spacing``.
+        apart than ``settings.max_spacing``.
 
     Notes
     -----
@@ -186,13 +191,13 @@ def continuous_iri(
     for name, value in (("length", length), ("step", step)):
         if value is not None:
             require_positive(name, value, " m")
-    if options.restart:
+    if settings.restart:
         message = "restart must be false for a sliding window, got True"
         raise ValueError(message)
     station, heights, names = finite_tracks(profile)
     rows = []
     for height in heights:
-        drive = drive_profile(station, height, options)
+        drive = drive_profile(station, height, settings)
         starts = _window_starts(drive, length, step)
         rows.append(_sliding_iri(drive, starts, length))
     data = xr.Dataset(
@@ -204,8 +209,8 @@ def continuous_iri(
             "end": ("s", starts + length, {"units": "m"}),
         },
     )
-    settings = {"options": options, "length": length, "step": step}
-    return add_step(data, "continuous_iri", parameters=settings, after=profile)
+    parameters = {"options": settings, "length": length, "step": step}
+    return add_step(data, "continuous_iri", parameters=parameters, after=profile)
 
 
 def _window_starts(drive: ProfileDrive, length: float, step: float | None) -> Array:

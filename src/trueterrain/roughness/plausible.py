@@ -78,14 +78,14 @@ def flag_profile(profile: xr.Dataset) -> list[str]:
     ]
 
 
-def rating_flags(profile: xr.Dataset, options: QuarterCarSettings) -> list[str]:
+def rating_flags(profile: xr.Dataset, settings: QuarterCarSettings) -> list[str]:
     """Flag what makes an index of a profile inaccurate, one sentence each.
 
     Parameters
     ----------
     profile : xarray.Dataset
         Profile with dimension s [m].
-    options : QuarterCarSettings
+    settings : QuarterCarSettings
         Conventions of an index.
 
     Returns
@@ -107,30 +107,30 @@ def rating_flags(profile: xr.Dataset, options: QuarterCarSettings) -> list[str]:
     if station.size < 2:
         return []
     largest = float(np.diff(station).max())
-    if largest > options.max_spacing * (1 + ROUNDING):
+    if largest > settings.max_spacing * (1 + ROUNDING):
         return []
     found = []
-    if _is_idle(station, options):
+    if _is_idle(station, settings):
         spacing = float(station[-1] - station[0]) / (station.size - 1)
         found.append(
-            f"the window {options.window} of {options.window_length:g} m averages nothing "
+            f"the window {settings.window} of {settings.window_length:g} m averages nothing "
             f"at a spacing of {spacing:.4g} m"
         )
-    if largest > options.accurate_spacing * (1 + ROUNDING):
+    if largest > settings.accurate_spacing * (1 + ROUNDING):
         found.append(
             f"samples are up to {largest:.4g} m apart; the index is accurate to "
-            f"{options.accurate_spacing:g} m, and rated to {options.max_spacing:g} m"
+            f"{settings.accurate_spacing:g} m, and rated to {settings.max_spacing:g} m"
         )
     return found
 
 
-def _is_idle(station: Array, options: QuarterCarSettings) -> bool:
+def _is_idle(station: Array, settings: QuarterCarSettings) -> bool:
     """Whether the moving average before the car is on but changes nothing."""
-    length = options.window_length
-    if options.window == "sayers":
-        step = equal_step(station, options.spacing_tolerance)
+    length = settings.window_length
+    if settings.window == "sayers":
+        step = equal_step(station, settings.spacing_tolerance)
         return step is not None and nearest_integer(length / step) <= 1
-    return options.window == "centred" and float(np.diff(station).min()) > 0.5 * length
+    return settings.window == "centred" and float(np.diff(station).min()) > 0.5 * length
 
 
 def _flag_track(station: Array, height: Array, max_iri: float) -> list[str]:
@@ -142,8 +142,8 @@ def _flag_track(station: Array, height: Array, max_iri: float) -> list[str]:
     if grade > _MAX_GRADE:
         found.append(f"climbs {grade:.2g} m/m over {length:g} m; {_UNIT}")
     try:
-        options = IriSettings(window="none", start="0.5s")
-        roughness = 1000.0 * rate_track(station, height, options, cut_segments(station, None))[0]
+        settings = IriSettings(window="none", start="0.5s")
+        roughness = 1000.0 * rate_track(station, height, settings, cut_segments(station, None))[0]
     except TrueTerrainError:
         return found  # too short or too coarse to be rated; the rating itself reports that
     if roughness > max_iri:

@@ -17,6 +17,7 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.provenance import add_step
+from trueterrain.core.renamed import rename_keyword
 from trueterrain.roughness import _spectrum
 from trueterrain.roughness._segments import cut_segments, finite_tracks, sample_range
 from trueterrain.roughness._spectrum import FrequencyBands, SpectralLines
@@ -81,8 +82,9 @@ class PsdSettings:
             raise ValueError(message)
 
 
+@rename_keyword("options", "settings")
 def psd(
-    profile: xr.Dataset, *, options: PsdSettings = PsdSettings(), segment: float | None = None
+    profile: xr.Dataset, *, settings: PsdSettings = PsdSettings(), segment: float | None = None
 ) -> xr.Dataset:
     """Power spectral density of each track, smoothed, with class, Gd(n0) and waviness.
 
@@ -90,7 +92,7 @@ def psd(
     ----------
     profile : xarray.Dataset
         Profile with dimension s, optionally track [m]; equally spaced.
-    options : PsdSettings
+    settings : PsdSettings
         Blocks, range of the fit, confidence.
     segment : float, optional
         Length of fixed segments that are also rated each by itself [m].
@@ -142,22 +144,24 @@ def psd(
     """
     station, heights, names = finite_tracks(profile)
     step = require_equal(station, "for a spectrum")
-    spectra = [_analyse_track(height, step, options) for height in heights]
+    spectra = [_analyse_track(height, step, settings) for height in heights]
     data = _psd_dataset(spectra, names)
     if segment is not None:
         segments = cut_segments(station, segment)
         rows = []
         for height in heights:
             pieces = zip(segments.start, segments.end, segments.complete, strict=True)
-            rows.append([_rate_segment(station, height, step, options, *piece) for piece in pieces])
+            rows.append(
+                [_rate_segment(station, height, step, settings, *piece) for piece in pieces]
+            )
         parts = np.array(rows, dtype=float).reshape(len(names), -1, len(_RATED))
         for at, name in enumerate(_RATED):
             attrs = data[name].attrs
             data[f"segment_{name}"] = (("track", "segment"), parts[..., at], attrs)
         data["segment_road_class"] = (("track", "segment"), road_class(parts[..., 0]))
         data = data.assign_coords(segments.coordinates(np.arange(segments.start.size)))
-    settings = {"options": options, "segment": segment}
-    return add_step(data, "psd", parameters=settings, after=profile)
+    parameters = {"options": settings, "segment": segment}
+    return add_step(data, "psd", parameters=parameters, after=profile)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,17 +177,17 @@ class _TrackSpectrum:
     rated: tuple[float, ...]
 
 
-def _analyse_track(height: Array, step: float, options: PsdSettings) -> _TrackSpectrum:
+def _analyse_track(height: Array, step: float, settings: PsdSettings) -> _TrackSpectrum:
     from scipy.stats import chi2
 
-    spectrum = _spectrum.welch_lines(height, step, _spectrum.block_samples(options.block, step))
+    spectrum = _spectrum.welch_lines(height, step, _spectrum.block_samples(settings.block, step))
     bands = smoothing_bands()
     bands = bands[_spectrum.resolved_bands(bands, spectrum)]
-    fitted = (bands.centre >= options.lowest) & (bands.centre <= options.highest)
+    fitted = (bands.centre >= settings.lowest) & (bands.centre <= settings.highest)
     if fitted.sum() < _MIN_BANDS:
         length = step * (height.size - 1)
         raise CoverageError(
-            f"has {int(fitted.sum())} bands from {options.lowest:g} to {options.highest:g} "
+            f"has {int(fitted.sum())} bands from {settings.lowest:g} to {settings.highest:g} "
             f"cycles/m, at least {_MIN_BANDS} are needed: {length:g} m in steps of {step:g} m",
             place="axis s",
             cure="Give a longer or finer profile, or fit other frequencies.",
@@ -194,10 +198,10 @@ def _analyse_track(height: Array, step: float, options: PsdSettings) -> _TrackSp
             "is flat: its spectrum is 0", place="variable height", cure="Check the recording."
         )
     degrees = _spectrum.degrees_of_freedom(spectrum, bands)
-    tail = 0.5 * (1 - options.confidence)
+    tail = 0.5 * (1 - settings.confidence)
     low = degrees / chi2.ppf(1 - tail, degrees) * smoothed
     high = degrees / chi2.ppf(tail, degrees) * smoothed
-    rated = _fit_spectrum(spectrum, bands[fitted], smoothed[fitted], degrees[fitted], options)
+    rated = _fit_spectrum(spectrum, bands[fitted], smoothed[fitted], degrees[fitted], settings)
     return _TrackSpectrum(
         spectrum=spectrum,
         bands=bands,
@@ -214,7 +218,7 @@ def _fit_spectrum(
     bands: FrequencyBands,
     smoothed: Array,
     degrees: Array,
-    options: PsdSettings,
+    settings: PsdSettings,
 ) -> tuple[float, ...]:
     """Gd(n0) and waviness, each with its interval, in the order of _RATED."""
     from scipy.special import polygamma, psi
@@ -224,12 +228,12 @@ def _fit_spectrum(
     half = 0.5 * degrees
     observed = np.log(smoothed) - psi(half) + np.log(half)
     weight = 1 / polygamma(1, half)
-    fixed = options.waviness is not None
+    fixed = settings.waviness is not None
     # ln Gd(n) = ln Gd(n0) - w ln(n / n0); these derivatives neglect how leakage and averaging over
     # the band change with w, while the residuals contain both
     design = np.column_stack([np.ones(observed.size), -np.log(bands.centre / N0)])
     design = design[:, : 1 if fixed else 2]
-    waviness = 2.0 if options.waviness is None else options.waviness
+    waviness = 2.0 if settings.waviness is None else settings.waviness
     level = 0.0
     normal = design.T * weight @ design
     for _ in range(_MAX_ITERATIONS):
@@ -245,7 +249,7 @@ def _fit_spectrum(
     rejected = scatter > chi2.ppf(_SCATTER_TEST, degrees_of_freedom)
     variance_factor = scatter / degrees_of_freedom if rejected else 1.0
     sd = np.sqrt(np.diag(np.linalg.inv(normal)) * variance_factor)
-    half_width = float(norm.ppf(0.5 + 0.5 * options.confidence)) * np.append(sd, 0.0)
+    half_width = float(norm.ppf(0.5 + 0.5 * settings.confidence)) * np.append(sd, 0.0)
     gd = np.exp(level + np.array([0.0, -half_width[0], half_width[0]]))
     low, high = waviness - float(half_width[1]), waviness + float(half_width[1])
     return (*gd.tolist(), waviness, low, high)
@@ -255,14 +259,14 @@ def _rate_segment(
     station: Array,
     height: Array,
     step: float,
-    options: PsdSettings,
+    settings: PsdSettings,
     start: float,
     end: float,
     complete: bool,
 ) -> tuple[float, ...]:
     inside = sample_range(station, start, end)
     try:
-        return _analyse_track(height[inside], step, options).rated
+        return _analyse_track(height[inside], step, settings).rated
     except CoverageError as error:
         if complete:
             error.place = f"segment from {start:g} to {end:g} m"

@@ -18,6 +18,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.provenance import add_step
+from trueterrain.core.renamed import rename_keyword
 from trueterrain.roughness._drive import rate_track
 from trueterrain.roughness._segments import cut_segments, find_wheel_paths, finite_tracks
 from trueterrain.roughness.quarter_car import QuarterCar
@@ -81,10 +82,11 @@ class RideNumberSettings(QuarterCarSettings):
         return LeadIn(self.start_length, as_program=True)
 
 
+@rename_keyword("options", "settings")
 def ride_number(
     profile: xr.Dataset,
     *,
-    options: RideNumberSettings = RideNumberSettings(),
+    settings: RideNumberSettings = RideNumberSettings(),
     segment: float | None = None,
     wheel_paths: Sequence[str] | None = None,
 ) -> xr.Dataset:
@@ -94,7 +96,7 @@ def ride_number(
     ----------
     profile : xarray.Dataset
         Profile with dimension s, optionally track [m].
-    options : RideNumberSettings
+    settings : RideNumberSettings
         Conventions and constants.
     segment : float, optional
         Length of fixed segments from the first sample on [m].
@@ -119,7 +121,7 @@ def ride_number(
         If `profile` is not a Profile, or its spacing is unequal and the window needs it equal.
     CoverageError
         If a height is not finite, or the profile is too short or has samples farther apart than
-        ``options.max_spacing``.
+        ``settings.max_spacing``.
 
     Notes
     -----
@@ -142,7 +144,7 @@ def ride_number(
     """
     station, heights, names = finite_tracks(profile)
     segments = cut_segments(station, segment)
-    rated = [rate_track(station, height, options, segments, squared=True) for height in heights]
+    rated = [rate_track(station, height, settings, segments, squared=True) for height in heights]
     kept = np.flatnonzero(np.isfinite(rated[0][1]))
     whole = np.array([total for total, _ in rated])
     parts = np.array([part[kept] for _, part in rated])
@@ -153,21 +155,21 @@ def ride_number(
     data = xr.Dataset(
         {
             "pi": ("track", np.sqrt(whole), _SLOPE),
-            "rn": ("track", _from_square(whole, options), _ONE),
-            "rn_both": ((), _from_square(both, options), _ONE),
+            "rn": ("track", _from_square(whole, settings), _ONE),
+            "rn_both": ((), _from_square(both, settings), _ONE),
         },
         {"track": names},
     )
     if segment is not None:
         data = data.assign(
             segment_pi=(("track", "segment"), np.sqrt(parts), _SLOPE),
-            segment_rn=(("track", "segment"), _from_square(parts, options), _ONE),
-            segment_rn_both=("segment", _from_square(segment_both, options), _ONE),
+            segment_rn=(("track", "segment"), _from_square(parts, settings), _ONE),
+            segment_rn_both=("segment", _from_square(segment_both, settings), _ONE),
         ).assign_coords(segments.coordinates(kept))
-    settings = {"options": options, "segment": segment}
-    return add_step(data, "ride_number", parameters=settings, after=profile)
+    parameters = {"options": settings, "segment": segment}
+    return add_step(data, "ride_number", parameters=parameters, after=profile)
 
 
-def _from_square(mean_square: Array | float, options: RideNumberSettings) -> Array:
+def _from_square(mean_square: Array | float, settings: RideNumberSettings) -> Array:
     """Ride Number of a mean square of the rectified slope [m²/m²]."""
-    return np.asarray(options.best * np.exp(-options.steepness * np.sqrt(mean_square)))
+    return np.asarray(settings.best * np.exp(-settings.steepness * np.sqrt(mean_square)))

@@ -38,18 +38,18 @@ class QuarterCarSettings(ABC):
     """Conventions of an index that drives a quarter car over a profile."""
 
     window: Window = "sayers"
-    """Moving average before the car: "sayers" (slope over nint(length / spacing) samples, equal
-    spacing only; at spacings from 2/3 of the length on that is one step, and nothing is averaged),
-    "centred" (mean of the samples within half a length, both ends included; left out if no spacing
-    is at most half a length; at the ends of the profile it has samples on one side only, which
-    bends a grade there), "exact" (mean of the straight lines between the samples, where the whole
-    window is on the profile), or "none" (for smoothed profiles)."""
+    """Moving average before the car. "sayers": slope over the whole number of samples nearest to
+    the length, equal spacing only; from a spacing of 2/3 of the length on, nothing is averaged.
+    "centred": mean of the samples within half a length, both ends included; at the ends of the
+    profile it has samples on one side only, which bends a grade there; left out if no spacing is at
+    most half a length. "exact": mean of the linearly interpolated profile, where the whole window
+    is on it. "none": for profiles that are smoothed already."""
 
     window_length: float = 0.25
     "Length of the moving average [m]."
 
     restart: bool = False
-    "Start a new car in every segment, instead of one drive over the whole profile."
+    "Start a new car in each segment, instead of one run over the whole profile."
 
     speed: float = IRI_SPEED
     "Speed of the car [m/s]; the indices are defined at 80 km/h."
@@ -104,9 +104,9 @@ class IriSettings(QuarterCarSettings):
     """
 
     start: Start = "11m"
-    """Initial slope of the car: "11m" (chord of the first 11 m, divided by one sample more than it
-    spans, as in the program; on unequal spacing by its own length), "0.5s" (chord of the first
-    0.5 s, which are 11.11 m at 80 km/h), or "level" (0)."""
+    """Initial slope of the car. "11m": chord of the first 11 m, divided by one sample more than it
+    spans, as in the program (on unequal spacing by its own length); "0.5s": chord of the first half
+    second (11.11 m at 80 km/h); "level": 0."""
 
     max_spacing: float = 0.61
     """Largest distance between samples that is rated [m]: half of 1.2 m, the shortest wave to which

@@ -8,6 +8,7 @@ import xarray as xr
 
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.provenance import add_step
+from trueterrain.core.renamed import rename_keyword
 from trueterrain.roughness.iri import IN_PER_MI, continuous_iri
 from trueterrain.roughness.settings import IriSettings, require_positive
 
@@ -27,12 +28,13 @@ SHORT_CONTINUOUS = (7.62, 90.0 / IN_PER_MI)
 LONG_CONTINUOUS = (160.9344, 50.0 / IN_PER_MI)
 
 
+@rename_keyword("options", "settings")
 def localised_roughness(
     profile: xr.Dataset,
     threshold: float,
     *,
     length: float = SHORT_CONTINUOUS[0],
-    options: IriSettings = IriSettings(),
+    settings: IriSettings = IriSettings(),
 ) -> xr.Dataset:
     """Stretches of each track where the IRI in a sliding window exceeds a threshold.
 
@@ -44,7 +46,7 @@ def localised_roughness(
         International Roughness Index that is exceeded [m/km].
     length : float
         Length of the window [m]; 7.62 m (25 ft) by default.
-    options : IriSettings
+    settings : IriSettings
         Conventions of the index.
 
     Returns
@@ -55,7 +57,7 @@ def localised_roughness(
     Raises
     ------
     ValueError
-        If `threshold` or `length` is not greater than 0, or ``options.restart`` is true.
+        If `threshold` or `length` is not greater than 0, or ``settings.restart`` is true.
     SchemaError
         If `profile` is not a Profile, or its spacing is unequal and the window needs it equal.
     CoverageError
@@ -77,10 +79,10 @@ def localised_roughness(
     [147.4] [154.3] [7.2]
     """
     require_positive("threshold", threshold, " m/km")
-    sliding = continuous_iri(profile, length, options=options)
+    sliding = continuous_iri(profile, length, settings=settings)
     data = find_stretches(sliding["iri"], threshold)
-    settings = {"threshold": threshold, "length": length, "options": options}
-    return add_step(data, "localised_roughness", parameters=settings, after=profile)
+    parameters = {"threshold": threshold, "length": length, "options": settings}
+    return add_step(data, "localised_roughness", parameters=parameters, after=profile)
 
 
 def find_stretches(values: xr.DataArray, threshold: float) -> xr.Dataset:

@@ -91,5 +91,5 @@ def waveband_rms(
         rms = np.sqrt(np.where(count > 0, parts, np.nan))
         data["segment_rms"] = (("track", "band", "segment"), rms, {"units": "m"})
         data = data.assign_coords(segments.coordinates(np.arange(segments.start.size)))
-    settings = {"bands": bands, "segment": segment}
-    return add_step(data, "waveband_rms", parameters=settings, after=profile)
+    parameters = {"bands": bands, "segment": segment}
+    return add_step(data, "waveband_rms", parameters=parameters, after=profile)

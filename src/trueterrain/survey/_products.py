@@ -203,7 +203,7 @@ def _compare_with_truth(
     ground = surface.assign(height=surface["height"].copy(data=true))
     ground = ground.drop_vars([name for name in ground.data_vars if name in _MEASURED_ONLY])
     true_ratings = {
-        one.name: iri(extract_profile(ground, one), options=survey.roughness.iri).iri[0]
+        one.name: iri(extract_profile(ground, one), settings=survey.roughness.iri).iri[0]
         for one in survey.profiles
         if one.name in ratings
     }

@@ -10,16 +10,9 @@ import xarray as xr
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.schemas import make_profile
 from trueterrain.formats.table import read_waypoints
-from trueterrain.profile import (
-    WheelPath,
-    offset_path,
-    point_profile,
-    straight_path,
-    tyre_profile,
-    waypoint_path,
-)
+from trueterrain.profile import WheelPath, offset_path, straight_path, waypoint_path
 from trueterrain.profile.area import area_flag, area_reach
-from trueterrain.profile.envelope import tyre_envelope
+from trueterrain.profile.settings import take_profile
 from trueterrain.roughness import IriSettings, flag_profile, iri
 from trueterrain.roughness.plausible import rating_flags
 from trueterrain.surface.evaluate import heights_at
@@ -48,21 +41,8 @@ def extract_profile(surface: xr.Dataset, settings: ProfilePathSettings) -> xr.Da
     CoverageError
         If the surface does not lie under the path.
     """
-    path, tyre = _covered_path(surface, settings), settings.tyre
-    if settings.envelope is not None:
-        return tyre_envelope(surface, path, tyre=settings.envelope.model(), thin=tyre.thin)
-    statistic = tyre.estimator()
-    if statistic is None:
-        return point_profile(surface, path)
-    return tyre_profile(
-        surface,
-        path,
-        area=tyre.search_area(),
-        statistic=statistic,
-        level=tyre.level,
-        min_count=tyre.min_count,
-        thin=tyre.thin,
-    )
+    path = _covered_path(surface, settings)
+    return take_profile(surface, path, settings.tyre, envelope=settings.envelope)
 
 
 def extract_profiles(
@@ -119,7 +99,7 @@ def rate_profiles(
     found, problems = {}, []
     for name, profile in profiles.items():
         try:
-            found[name] = iri(profile, options=settings.iri, segment=settings.segment)
+            found[name] = iri(profile, settings=settings.iri, segment=settings.segment)
         except (CoverageError, ValueError) as error:
             problems.append(f"profile {name} is not rated: {error}")
             continue
@@ -195,6 +175,6 @@ def _half_car_index(left: xr.Dataset, right: xr.Dataset, settings: IriSettings) 
     heights = np.stack([left.height.values[at_left], right.height.values[at_right]])
     tracks = make_profile(both * step, heights, tracks=["left", "right"])
     try:
-        return float(iri(tracks, options=settings).hri)
+        return float(iri(tracks, settings=settings).hri)
     except (CoverageError, ValueError):
         return None  # the part that both cover is too short

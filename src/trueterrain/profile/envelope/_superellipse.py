@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.profile.envelope import _kernels
 from trueterrain.profile.envelope._strip import GroundStrip
 
 Float = npt.NDArray[np.float64]
@@ -65,8 +66,6 @@ class Superellipse:
             Height of the lowest point of each cam [m] and slope of its tangent there [m/m]; NaN
             where there is no ground under it.
         """
-        from trueterrain.profile.envelope import _kernels
-
         samples = int(2 * self.half_length / strip.step) + 1  # under a cam, at most
         position = np.array(shift)
         lead = np.ceil((position - self.half_length) / strip.step).astype(np.int64)

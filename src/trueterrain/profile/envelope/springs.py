@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trueterrain.profile.area import require_positive
+from trueterrain.profile.envelope import _kernels
 from trueterrain.profile.envelope._strip import Float, GroundStrip
 from trueterrain.profile.envelope.disc import lines_amid_strips, require_width
 from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
@@ -181,8 +182,6 @@ class RadialSpringTyre:
         float
             Tension [N].
         """
-        from trueterrain.profile.envelope import _kernels
-
         # the force is proportional to the tension: solve on level ground at unit tension
         reach = int(self.radius / step)
         level = np.zeros(2 * reach + 1)
@@ -210,8 +209,6 @@ class RadialSpringTyre:
         self, ground: Float, first: int, stride: int, step: float, tension: float, count: int
     ) -> tuple[Float, Float]:
         """Heights of the hub [m] and slopes of the force on it."""
-        from trueterrain.profile.envelope import _kernels
-
         height, slope = np.empty(count), np.empty(count)
         _kernels.hub_heights(
             ground,

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import EDGE_TOLERANCE, SearchArea, area_reach
 from trueterrain.profile.distribution import HeightDistributions
+from trueterrain.profile.search import _kernels
 
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]
@@ -51,8 +52,6 @@ def distributions_along(
     HeightDistributions
         One distribution per path point.
     """
-    from trueterrain.profile.search import _kernels
-
     counts, fill = gather(path)
     start = np.concatenate([[0], np.cumsum(counts)])
     dx, dy, heights, distances = (np.empty(start[-1]) for _ in range(4))

@@ -13,6 +13,7 @@ import xarray as xr
 from trueterrain.geometry.grid_frame import GridFrame, grid_frame, xy_to_uv
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import SearchArea, area_reach
+from trueterrain.profile.search._kernels import gather_grid
 from trueterrain.profile.search.gather import COUNT_ONLY, Fill, Gatherer, kernel_area, path_arrays
 from trueterrain.profile.search.scattered import ScatteredHeights
 
@@ -40,8 +41,6 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
     Gatherer
         Function that gathers for a part of a path.
     """
-    from trueterrain.profile.search._kernels import gather_grid
-
     frame = grid_frame(surface)
     origin = np.stack([frame.origin_easting, frame.origin_northing], axis=1)
     normal = np.stack([frame.normal_easting, frame.normal_northing], axis=1)

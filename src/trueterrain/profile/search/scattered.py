@@ -11,6 +11,12 @@ import xarray as xr
 
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import SearchArea, area_reach
+from trueterrain.profile.search._kernels import (
+    find_cells,
+    gather_scattered,
+    number_cells,
+    sort_into_cells,
+)
 from trueterrain.profile.search.gather import COUNT_ONLY, Fill, Gatherer, kernel_area, path_arrays
 
 Float = npt.NDArray[np.float64]
@@ -32,8 +38,6 @@ class ScatteredHeights:
     """
 
     def __init__(self, path: WheelPath, area: SearchArea) -> None:
-        from trueterrain.profile.search._kernels import number_cells
-
         self._area = area
         self._reach = area_reach(area)
         cell = 2.001 * self._reach  # a search area then touches at most four cells
@@ -84,8 +88,6 @@ class ScatteredHeights:
         easting, northing, up : numpy.ndarray, shape (point,)
             Coordinates [m].
         """
-        from trueterrain.profile.search._kernels import find_cells
-
         columns = tuple(np.ascontiguousarray(c, dtype=float) for c in (easting, northing, up))
         for begin in range(0, columns[0].size, _BLOCK):
             block = tuple(column[begin : begin + _BLOCK] for column in columns)
@@ -111,8 +113,6 @@ class ScatteredHeights:
         Gatherer
             Gathers for the path given at the start, or a part of it.
         """
-        from trueterrain.profile.search._kernels import gather_scattered, sort_into_cells
-
         cell = np.concatenate([np.empty(0, np.int32), *(cell for cell, _ in self._kept)])
         points = np.concatenate([np.empty((0, 3)), *(points for _, points in self._kept)])
         begin, order = sort_into_cells(cell, self._cell_count)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from trueterrain.profile.distribution import Float, HeightDistributions
+from trueterrain.profile.statistic import _kernels
 from trueterrain.profile.statistic.ranks import Median
 
 
@@ -36,8 +37,6 @@ class Mean:
         >>> Mean().estimate(one)[0]
         array([3.])
         """
-        from trueterrain.profile.statistic import _kernels
-
         height, sd = _kernels.area_mean(distributions.start, distributions.heights)
         return height, sd
 
@@ -95,8 +94,6 @@ class InverseDistance:
         >>> InverseDistance(power=1).estimate(one)[0]
         array([0.3333])
         """
-        from trueterrain.profile.statistic import _kernels
-
         plain, kernel = (
             (Mean(), _kernels.weighted_mean)
             if self.of == "mean"

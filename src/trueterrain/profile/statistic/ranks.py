@@ -10,6 +10,7 @@ from trueterrain.profile.distribution import (
     Float,
     HeightDistributions,
 )
+from trueterrain.profile.statistic import _kernels
 
 _MIN_RESOLUTION = 1e-9  # [m] resolution of doubles at thousands of metres
 
@@ -67,8 +68,6 @@ class Percentile:
         >>> Percentile(percent=50).estimate(one)[0]
         array([1.5])
         """
-        from trueterrain.profile.statistic import _kernels
-
         probability = self.percent / 100
         start, heights = distributions.start, distributions.heights
         if self.resolution is not None:
@@ -165,8 +164,6 @@ class Window:
         >>> Window(skip=25, size=50).estimate(one)[0]
         array([2.])
         """
-        from trueterrain.profile.statistic import _kernels
-
         high = 1 - self.skip / 100
         low = max(high - self.size / 100, 0.0)
         height, sd = _kernels.area_window(distributions.start, distributions.heights, low, high)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from trueterrain.profile.distribution import Float, HeightDistributions
+from trueterrain.profile.statistic import _kernels
 
 #: Points per bandwidth at which the density is evaluated before its maxima are refined.
 _STEPS = 8
@@ -84,8 +85,6 @@ class SteepestCpf:
         return self._modes(distributions)[2]
 
     def _modes(self, distributions: HeightDistributions) -> tuple[Float, Float, Float]:
-        from trueterrain.profile.statistic import _kernels
-
         height, sd, used = _kernels.area_steepest(
             distributions.start,
             distributions.heights,

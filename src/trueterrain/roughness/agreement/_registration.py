@@ -82,23 +82,23 @@ class RegisteredPair(NamedTuple):
 
 
 def register_pair(
-    first: ProfileTrack, second: ProfileTrack, options: AgreementSettings
+    first: ProfileTrack, second: ProfileTrack, settings: AgreementSettings
 ) -> RegisteredPair:
     """Find the best shift of a pair, and the best scale if it is searched."""
-    step = options.step or min(first.spacing, second.spacing)
-    one, other = signal_of(first, options, step), signal_of(second, options, step)
+    step = settings.step or min(first.spacing, second.spacing)
+    one, other = signal_of(first, settings, step), signal_of(second, settings, step)
     starts = one.start, other.start
-    shift, rival = best_shift(one, other, options)
+    shift, rival = best_shift(one, other, settings)
     plain = correlate_signals(one, other, shift, 0.0)
-    if options.max_scale == 0:
+    if settings.max_scale == 0:
         return RegisteredPair(plain, shift, plain, shift, np.nan, rival, starts)
-    found, coarse = best_scale(one, other, shift, options)
+    found, coarse = best_scale(one, other, shift, settings)
     # the wavelengths of a filter are in metres: scale the profile before it is filtered
     origin = float(second.station[0])
     station = origin + (second.station - origin) / (1 + coarse)
-    other = signal_of(replace(second, station=station), options, step)
+    other = signal_of(replace(second, station=station), settings, step)
     near = origin + (one.start + found - origin) / (1 + coarse) - one.start
-    fine_shift, fine = refine_registration(one, other, near, 0.0, options)
+    fine_shift, fine = refine_registration(one, other, near, 0.0, settings)
     corrected = correlate_signals(one, other, fine_shift, fine)
     # both scales one after the other, and the shift in stations of the second as it was measured
     station_there = origin + (1 + coarse) * (one.start + fine_shift - origin)
@@ -136,7 +136,7 @@ def correlate_signals(
 
 
 def best_shift(
-    first: FilteredSignal, second: FilteredSignal, options: AgreementSettings
+    first: FilteredSignal, second: FilteredSignal, settings: AgreementSettings
 ) -> tuple[float, float | None]:
     """Shift at which the rating is largest [m]: among whole samples, then between them.
 
@@ -149,14 +149,14 @@ def best_shift(
     a, b = first.values - first.values.mean(), second.values - second.values.mean()
     offset = second.start - first.start
     lags = np.arange(
-        np.ceil((-options.max_shift - offset) / step - _TIE),
-        np.floor((options.max_shift - offset) / step + _TIE) + 1,
+        np.ceil((-settings.max_shift - offset) / step - _TIE),
+        np.floor((settings.max_shift - offset) / step + _TIE) + 1,
     ).astype(np.int64)
     begin, end = np.maximum(0, -lags), np.minimum(a.size, b.size - lags)
     count = end - begin
-    enough = count * step >= options.min_overlap
+    enough = count * step >= settings.min_overlap
     if not enough.any():
-        raise _overlap_error(first, second, options)
+        raise _overlap_error(first, second, settings)
     lags, begin, end, count = lags[enough], begin[enough], end[enough], count[enough]
     # ratings at all lags at once: products by FFT, sums over the overlap from running sums
     products = correlate(b, a, mode="full", method="fft")[lags + a.size - 1]
@@ -170,7 +170,7 @@ def best_shift(
     ties = np.flatnonzero(ratings >= ratings.max() - _TIE)
     best = int(ties[np.argmin(np.abs(shifts[ties]))])
     shift, _ = refine_registration(
-        first, second, float(shifts[best]), 0.0, options, with_scale=False
+        first, second, float(shifts[best]), 0.0, settings, with_scale=False
     )
     rival = _second_peak(ratings, best)
     return shift, None if rival is None else float(shifts[rival])
@@ -190,12 +190,12 @@ def _second_peak(ratings: Array, best: int) -> int | None:
 
 
 def best_scale(
-    first: FilteredSignal, second: FilteredSignal, shift: float, options: AgreementSettings
+    first: FilteredSignal, second: FilteredSignal, shift: float, settings: AgreementSettings
 ) -> tuple[float, float]:
     """Shift [m] and scale [m/m] at which the correlation of the signals is largest."""
-    starts = (shift, 0.0), _stack_correlations(first, second, shift, options)
+    starts = (shift, 0.0), _stack_correlations(first, second, shift, settings)
     start = max(starts, key=lambda pair: correlate_signals(first, second, *pair).correlation)
-    return refine_registration(first, second, *start, options)
+    return refine_registration(first, second, *start, settings)
 
 
 def refine_registration(
@@ -203,7 +203,7 @@ def refine_registration(
     second: FilteredSignal,
     shift: float,
     scale: float,
-    options: AgreementSettings,
+    settings: AgreementSettings,
     *,
     with_scale: bool = True,
 ) -> tuple[float, float]:
@@ -221,7 +221,7 @@ def refine_registration(
         for _ in range(_MAX_HALVINGS):
             trial = float(shift + change[0]), float(scale + change[1])
             there = correlate_signals(first, second, *trial)
-            enough = there.overlap >= 0.5 * options.min_overlap
+            enough = there.overlap >= 0.5 * settings.min_overlap
             if enough and there.correlation >= here.correlation - _ROUNDING:
                 break
             change *= 0.5
@@ -251,7 +251,7 @@ def _max_station_change(first: FilteredSignal, change: Array) -> float:
 
 
 def _stack_correlations(
-    first: FilteredSignal, second: FilteredSignal, shift: float, options: AgreementSettings
+    first: FilteredSignal, second: FilteredSignal, shift: float, settings: AgreementSettings
 ) -> tuple[float, float]:
     """Shift and scale at which the sum of the correlations of many short stretches is largest.
 
@@ -262,21 +262,21 @@ def _stack_correlations(
     step = first.step
     width = _correlation_width(first.values) * step
     # so short that the largest scale shifts its ends by one correlation width
-    length = max(width / options.max_scale, _MIN_STRETCH)
+    length = max(width / settings.max_scale, _MIN_STRETCH)
     count = min(int(first.length / length), int(first.length / _MIN_STRETCH))
     if first.length < _MIN_STRETCHES * _MIN_STRETCH:
         return shift, 0.0
     edges = np.linspace(0, first.values.size, max(count, _MIN_STRETCHES) + 1).astype(int)
     every = max(step, 0.5 * width)
     shifts = every * np.arange(
-        -np.ceil(options.max_shift / every), np.ceil(options.max_shift / every) + 1
+        -np.ceil(settings.max_shift / every), np.ceil(settings.max_shift / every) + 1
     )
-    reach = options.max_scale * first.length
+    reach = settings.max_scale * first.length
     scales = every / first.length * np.arange(-np.ceil(reach / every), np.ceil(reach / every) + 1)
     total = np.zeros((scales.size, shifts.size))
     for begin, end in pairwise(edges):
         centre = 0.5 * (begin + end - 1) * step
-        lowest, table = _correlate_stretch(first, second, begin, end, centre, options)
+        lowest, table = _correlate_stretch(first, second, begin, end, centre, settings)
         at = (shifts + scales[:, None] * centre - lowest) / step
         at = np.clip(np.rint(at).astype(np.int64), 0, table.size - 1)
         total += table[at]
@@ -290,14 +290,14 @@ def _correlate_stretch(
     begin: int,
     end: int,
     centre: float,
-    options: AgreementSettings,
+    settings: AgreementSettings,
 ) -> tuple[float, Array]:
     """Correlations of a stretch with the second signal: lowest shift [m], one value per sample."""
     from scipy.signal import correlate
 
     step = first.step
     offset = second.start - first.start
-    reach = options.max_shift + options.max_scale * centre
+    reach = settings.max_shift + settings.max_scale * centre
     lowest, highest = (int(np.rint((sign * reach - offset) / step)) for sign in (-1, 1))
     table = np.zeros(highest - lowest + 1)
     part = first.values[begin:end] - first.values[begin:end].mean()
@@ -340,12 +340,12 @@ def _correlation_width(values: Array) -> int:
 
 
 def _overlap_error(
-    first: FilteredSignal, second: FilteredSignal, options: AgreementSettings
+    first: FilteredSignal, second: FilteredSignal, settings: AgreementSettings
 ) -> CoverageError:
     ranges = [f"{one.start:g} to {one.start + one.length:g} m" for one in (first, second)]
     message = (
-        f"overlap by less than {options.min_overlap:g} m after the filter: "
-        f"{ranges[0]}, and {ranges[1]}, with shifts up to {options.max_shift:g} m"
+        f"overlap by less than {settings.min_overlap:g} m after the filter: "
+        f"{ranges[0]}, and {ranges[1]}, with shifts up to {settings.max_shift:g} m"
     )
     return CoverageError(
         message,

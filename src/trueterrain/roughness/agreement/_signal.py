@@ -104,9 +104,9 @@ def tracks_of(name: str, profile: xr.Dataset, *, from_zero: bool) -> dict[str, P
     }
 
 
-def signal_of(track: ProfileTrack, options: AgreementSettings, step: float) -> FilteredSignal:
+def signal_of(track: ProfileTrack, settings: AgreementSettings, step: float) -> FilteredSignal:
     """Filter a track, without the transient, and resample it at equal spacing."""
-    at, values = _steady_signal(track, options)
+    at, values = _steady_signal(track, settings)
     if not np.isfinite(values).all() or np.ptp(values) == 0:
         message = "is flat: the filter leaves nothing to compare"
         raise CoverageError(message, place=track.name)
@@ -122,21 +122,21 @@ def signal_of(track: ProfileTrack, options: AgreementSettings, step: float) -> F
     )
 
 
-def _steady_signal(track: ProfileTrack, options: AgreementSettings) -> tuple[Array, Array]:
+def _steady_signal(track: ProfileTrack, settings: AgreementSettings) -> tuple[Array, Array]:
     """Stations [m] and values of a filtered track without the transient of the filter."""
-    is_car = isinstance(options.filter, QuarterCarSettings)
-    transient = options.transient_length
-    left_out = transient if is_car or options.filter is None else 2 * transient
-    min_length = left_out + options.min_overlap
+    is_car = isinstance(settings.filter, QuarterCarSettings)
+    transient = settings.transient_length
+    left_out = transient if is_car or settings.filter is None else 2 * transient
+    min_length = left_out + settings.min_overlap
     if track.station.size < _MIN_SAMPLES or track.length < min_length:
         message = (
             f"is {track.length:g} m long, which must be at least {min_length:g} m: {left_out:g} m "
-            f"for the transient of the filter, and {options.min_overlap:g} m to be compared"
+            f"for the transient of the filter, and {settings.min_overlap:g} m to be compared"
         )
         cure = "Choose a shorter transient, or a longer profile."
         raise CoverageError(message, place=track.name, cure=cure)
     with _name_profile(track.name):
-        at, values = _filter_track(track, options.filter)
+        at, values = _filter_track(track, settings.filter)
     first, last = track.station[0] + transient, track.station[-1]
     keep = (at >= first) & (at <= (last if is_car else last - transient))
     if np.count_nonzero(keep) < _MIN_SAMPLES:

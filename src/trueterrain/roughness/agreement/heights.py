@@ -9,6 +9,7 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.provenance import add_step
+from trueterrain.core.renamed import rename_keyword
 from trueterrain.core.statistics import nmad
 from trueterrain.roughness.agreement._registration import register_pair
 from trueterrain.roughness.agreement._signal import ProfileTrack
@@ -23,13 +24,14 @@ _LENGTHS = {"units": "m"}
 _STATISTICS = ("mean", "rms", "nmad", "p95", "largest")
 
 
+@rename_keyword("options", "settings")
 def height_errors(
     profiles: Mapping[str, xr.Dataset],
     reference: str,
     *,
     registration: Registration = "distance",
     trend: int | None = 1,
-    options: AgreementSettings = AgreementSettings(),
+    settings: AgreementSettings = AgreementSettings(),
 ) -> xr.Dataset:
     """Heights of profiles above a reference, after registration of shift, scale and trend.
 
@@ -47,7 +49,7 @@ def height_errors(
     trend : int, optional
         Degree of the polynomial over the stations that is subtracted from each error: 0 for an
         offset, 1 for an inclined line as well; None for nothing.
-    options : AgreementSettings
+    settings : AgreementSettings
         Filter by which profiles are registered; heights are compared unfiltered.
 
     Returns
@@ -92,7 +94,7 @@ def height_errors(
     if trend is not None and trend < 0:
         message = f"trend must be a degree of at least 0, or None, got {trend}"
         raise ValueError(message)
-    tracks = check_tracks(profiles, reference, options)
+    tracks = check_tracks(profiles, reference, settings)
     names = [name for name in profiles if name != reference]
     labels = list(tracks[reference])
     station = tracks[reference][labels[0]].station
@@ -101,32 +103,32 @@ def height_errors(
     for row, label in enumerate(labels):
         for column, name in enumerate(names):
             first, second = tracks[reference][label], tracks[name][label]
-            shift, scale = _station_mapping(first, second, registration, options)
+            shift, scale = _station_mapping(first, second, registration, settings)
             placed[:, row, column] = shift, scale
             error[row, column] = _height_above(first, second, shift, scale, trend)
     data = _describe_errors(error, station, labels, names).assign(
         best_shift=(("track", "profile"), placed[0], _LENGTHS),
         scale=(("track", "profile"), placed[1], {"units": "m/m"}),
     )
-    settings = {
+    parameters = {
         "reference": reference,
         "registration": registration,
         "trend": trend,
-        "options": options,
+        "options": settings,
     }
-    return add_step(data, "height_errors", parameters=settings)
+    return add_step(data, "height_errors", parameters=parameters)
 
 
 def _station_mapping(
     first: ProfileTrack,
     second: ProfileTrack,
     registration: Registration,
-    options: AgreementSettings,
+    settings: AgreementSettings,
 ) -> tuple[float, float]:
     """Shift at the first station of the reference [m], and scale [m/m]."""
     if registration == "none":
         return 0.0, 0.0
-    pair = register_pair(first, second, options)
+    pair = register_pair(first, second, settings)
     if registration == "shift" or not np.isfinite(pair.scale):
         return pair.shift, 0.0
     # from the first station after the transient back to that of the track

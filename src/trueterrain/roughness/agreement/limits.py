@@ -11,8 +11,7 @@ import xarray as xr
 class AgreementLimits:
     """Limits of a comparison; None for a check without a limit.
 
-    The default ratings are those commonly named for AASHTO R 56; they could not be checked against
-    its text, and are a starting point only. No other limit has a default.
+    The default ratings are a starting point only. No other limit has a default.
 
     Examples
     --------
@@ -21,13 +20,14 @@ class AgreementLimits:
     """
 
     repeatability: float | None = 0.92
-    "Minimum mean rating of all pairs of repeats [1]; commonly named for AASHTO R 56, unchecked."
+    """Minimum mean rating of all pairs of repeats [1], 0 for none. The default is the one commonly
+    quoted for AASHTO R 56; it was not checked against its text."""
 
     accuracy: float | None = 0.90
-    "Minimum mean rating of repeats against the reference [1]; commonly named, as above, unchecked."
+    "Minimum mean rating of repeats against the reference [1], 0 for none; as for repeatability."
 
     distance_error: float | None = None
-    "Maximum magnitude of the distance-measuring error of a profile [m/m]."
+    "Maximum magnitude of the distance-measuring error against the reference [m/m]."
 
     bias: float | None = None
     "Maximum mean magnitude of the mean error of repeats [m]."
@@ -38,6 +38,8 @@ class AgreementLimits:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
+            if value == 0 and field.name in ("repeatability", "accuracy"):
+                continue
             if value is not None and not (np.isfinite(value) and value > 0):
                 message = f"{field.name} must be finite and greater than 0, or None, got {value}"
                 raise ValueError(message)
@@ -120,10 +122,11 @@ def _check_each(
     reference = found.attrs.get("reference")
     alone = "there are less than two repeats"
     unknown = "no reference is given"
-    yield _check_min(
-        "repeatability", track, float(found["repeatability"]), limits.repeatability, alone
-    )
-    yield _check_min("accuracy", track, float(found["accuracy"]), limits.accuracy, unknown)
+    for name, limit, missing in (
+        ("repeatability", limits.repeatability, alone),
+        ("accuracy", limits.accuracy, unknown),
+    ):
+        yield _check_min(name, track, float(found[name]), limit or None, missing)
     worst, why = np.nan, unknown
     if reference is not None:
         against = found["distance_error"].sel(first=reference)

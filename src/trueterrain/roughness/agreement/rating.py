@@ -10,6 +10,7 @@ import xarray as xr
 
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.provenance import add_step
+from trueterrain.core.renamed import rename_keyword
 from trueterrain.roughness.agreement._registration import RegisteredPair, register_pair
 from trueterrain.roughness.agreement._signal import ProfileTrack, signal_of, tracks_of
 from trueterrain.roughness.agreement.settings import AgreementSettings
@@ -46,11 +47,12 @@ _AT_LIMIT = 0.02  # fraction of a search range that counts as its end
 Tracks = dict[str, dict[str, ProfileTrack]]
 
 
+@rename_keyword("options", "settings")
 def profile_agreement(
     profiles: Mapping[str, xr.Dataset],
     *,
     reference: str | None = None,
-    options: AgreementSettings = AgreementSettings(),
+    settings: AgreementSettings = AgreementSettings(),
 ) -> xr.Dataset:
     """Cross-correlation rating of profiles: each pair, all repeats, and each against a reference.
 
@@ -63,7 +65,7 @@ def profile_agreement(
         Two or more Profiles with their names, all with the same tracks [m].
     reference : str, optional
         Name of the reference; it does not count as a repeat.
-    options : AgreementSettings
+    settings : AgreementSettings
         Filter, and ranges of the search.
 
     Returns
@@ -130,7 +132,7 @@ def profile_agreement(
     >>> print(f"{one.rating:.2f} at {1000 * one.best_shift:.1f} mm")
     0.90 at 123.0 mm
     """
-    tracks = check_tracks(profiles, reference, options)
+    tracks = check_tracks(profiles, reference, settings)
     names = list(profiles)
     labels = list(tracks[names[0]])
     values = {name: np.zeros((len(labels), len(names), len(names))) for name in _PAIRWISE}
@@ -142,11 +144,11 @@ def profile_agreement(
     for row, label in enumerate(labels):
         by_name = {name: tracks[name][label] for name in names}
         for (i, one), (j, other) in _list_pairs(names, reference):
-            pair = register_pair(by_name[one], by_name[other], options)
+            pair = register_pair(by_name[one], by_name[other], settings)
             _write_pair(values, row, i, j, pair)
-            flags += _flag_pair(by_name[one], by_name[other], pair, options)
+            flags += _flag_pair(by_name[one], by_name[other], pair, settings)
         for i, name in enumerate(names):
-            _write_diagonal(values, row, i, by_name[name].length, options)
+            _write_diagonal(values, row, i, by_name[name].length, settings)
     flags = list(dict.fromkeys(flags))
     for flag in flags:
         warnings.warn(flag, stacklevel=2)
@@ -159,16 +161,17 @@ def profile_agreement(
         {"flags": flags} | ({} if reference is None else {"reference": reference}),
     )
     data = data.assign(_track_scores(data, reference))
-    return add_step(data, "agreement", parameters={"options": options, "reference": reference})
+    return add_step(data, "agreement", parameters={"options": settings, "reference": reference})
 
 
+@rename_keyword("options", "settings")
 def filtered_profiles(
     profiles: Mapping[str, xr.Dataset],
     *,
     reference: str | None = None,
     track: str | None = None,
     correct_distance: bool = False,
-    options: AgreementSettings = AgreementSettings(),
+    settings: AgreementSettings = AgreementSettings(),
 ) -> xr.Dataset:
     """Filtered profiles at the stations of one of them, each at its best shift.
 
@@ -184,7 +187,7 @@ def filtered_profiles(
         Name of the track; required if there are several.
     correct_distance : bool
         Whether to scale the stations as well, by the distance-measuring error.
-    options : AgreementSettings
+    settings : AgreementSettings
         Filter, and ranges of the search.
 
     Returns
@@ -209,24 +212,26 @@ def filtered_profiles(
     >>> print(filtered_profiles(both).best_shift.values.round(4))
     [0.  0.2]
     """
-    tracks = check_tracks(profiles, reference, options)
+    tracks = check_tracks(profiles, reference, settings)
     base = next(iter(profiles)) if reference is None else reference
     label = _one_track(list(tracks[base]), track)
     names = [base, *(name for name in profiles if name != base)]
     rows, ratings, shifts, scales = [], [1.0], [0.0], [0.0]
-    step = min(tracks[name][label].spacing for name in names) if not options.step else options.step
-    target = signal_of(tracks[base][label], options, step)
+    step = (
+        min(tracks[name][label].spacing for name in names) if not settings.step else settings.step
+    )
+    target = signal_of(tracks[base][label], settings, step)
     for name in names[1:]:
-        pair = register_pair(tracks[base][label], tracks[name][label], options)
+        pair = register_pair(tracks[base][label], tracks[name][label], settings)
         scaled = correct_distance and np.isfinite(pair.scale)
         rating = pair.corrected.rating if scaled else pair.plain.rating
         shift, scale = (pair.corrected_shift, pair.scale) if scaled else (pair.shift, 0.0)
-        other = signal_of(tracks[name][label], options, step)
+        other = signal_of(tracks[name][label], settings, step)
         at = target.station + shift + scale * (target.station - target.start)
         inside = (at >= other.start) & (at <= other.start + other.length)
         rows.append(np.where(inside, other.spline(at), np.nan))
         ratings, shifts, scales = [*ratings, rating], [*shifts, shift], [*scales, scale]
-    unit = {"units": "m/m" if isinstance(options.filter, QuarterCarSettings) else "m"}
+    unit = {"units": "m/m" if isinstance(settings.filter, QuarterCarSettings) else "m"}
     return xr.Dataset(
         {
             "filtered": (("profile", "s"), np.array([target.values, *rows]), unit),
@@ -239,7 +244,7 @@ def filtered_profiles(
 
 
 def check_tracks(
-    profiles: Mapping[str, xr.Dataset], reference: str | None, options: AgreementSettings
+    profiles: Mapping[str, xr.Dataset], reference: str | None, settings: AgreementSettings
 ) -> Tracks:
     """Tracks of all profiles, which must be the same."""
     if len(profiles) < 2:
@@ -250,7 +255,7 @@ def check_tracks(
         raise ValueError(message)
     tracks: Tracks = {}
     for name, profile in profiles.items():
-        tracks[name] = tracks_of(name, profile, from_zero=options.align_starts)
+        tracks[name] = tracks_of(name, profile, from_zero=settings.align_starts)
     head, *others = tracks
     for name in others:
         if set(tracks[name]) != set(tracks[head]):
@@ -297,13 +302,13 @@ def _write_pair(values: dict[str, Array], row: int, i: int, j: int, pair: Regist
 
 
 def _write_diagonal(
-    values: dict[str, Array], row: int, i: int, length: float, options: AgreementSettings
+    values: dict[str, Array], row: int, i: int, length: float, settings: AgreementSettings
 ) -> None:
     """Write the comparison of a profile with itself."""
     for name in ("rating", "correlation", "sd_ratio"):
         values[name][row, i, i] = 1.0
     values["overlap"][row, i, i] = length
-    searched = options.max_scale > 0
+    searched = settings.max_scale > 0
     values["corrected_rating"][row, i, i] = 1.0 if searched else np.nan
     values["corrected_shift"][row, i, i] = 0.0 if searched else np.nan
     values["distance_error"][row, i, i] = 0.0 if searched else np.nan
@@ -337,7 +342,7 @@ def _one_track(known: list[str], asked: str | None) -> str:
 
 
 def _flag_pair(
-    first: ProfileTrack, second: ProfileTrack, pair: RegisteredPair, options: AgreementSettings
+    first: ProfileTrack, second: ProfileTrack, pair: RegisteredPair, settings: AgreementSettings
 ) -> Iterator[str]:
     """Flags of a pair: wrong units, different lengths, a search that ends at its limit."""
     plain, shift, scale = pair.plain, pair.shift, pair.scale
@@ -347,7 +352,9 @@ def _flag_pair(
     lengths = f"{longer.name} is {longer.length:g} m long, {shorter.name} {shorter.length:g} m"
     if unit:
         yield f"{lengths}: are the stations of {longer.name} in {unit}?"
-    elif longer.length - shorter.length > max(_LENGTH_TOLERANCE * longer.length, options.max_shift):
+    elif longer.length - shorter.length > max(
+        _LENGTH_TOLERANCE * longer.length, settings.max_shift
+    ):
         yield f"{lengths}: only the {plain.overlap:.4g} m of overlap are compared"
     if abs(plain.correlation) > _MIN_CORRELATION and (unit := _suspected_unit(plain.sd_ratio)):
         taller, lower = (second, first) if plain.sd_ratio > 1 else (first, second)
@@ -361,9 +368,9 @@ def _flag_pair(
             f"{both}: a shift of {pair.rival:.3f} m is rated nearly as well as {shift:.3f} m: "
             "the road repeats itself; allow less, or set the stations right"
         )
-    if options.max_shift > 0 and abs(shift) >= (1 - _AT_LIMIT) * options.max_shift:
+    if settings.max_shift > 0 and abs(shift) >= (1 - _AT_LIMIT) * settings.max_shift:
         yield f"{both}: the best shift, {shift:.3f} m, is at the end of the search; allow more"
-    if options.max_scale > 0 and abs(scale) >= (1 - _AT_LIMIT) * options.max_scale:
+    if settings.max_scale > 0 and abs(scale) >= (1 - _AT_LIMIT) * settings.max_scale:
         yield f"{both}: the best scale, {scale:.3%}, is at the end of the search; allow more"
 
 

@@ -46,16 +46,16 @@ class AgreementSettings:
     "Spacing at which filtered profiles are compared [m]; by default the finer of the two."
 
     max_shift: float = 10.0
-    "Largest shift between the stations of two profiles that is searched [m]."
+    "Maximum shift of stations in the search [m]."
 
     max_scale: float = 0.005
-    "Largest distance-measuring error that is searched [m/m]; 0 leaves that search out."
+    "Maximum distance-measuring error in the search [m/m]; 0 for none."
 
     min_overlap: float = 20.0
     "Minimum length over which profiles are compared [m]: shorter ones agree by chance."
 
     align_starts: bool = False
-    "Count all stations from the start of each profile, as if all had begun at one place."
+    "Count stations from the start of each profile, as if all had begun at one place."
 
     def __post_init__(self) -> None:
         for name, value in (("transient", self.transient), ("max_shift", self.max_shift)):
