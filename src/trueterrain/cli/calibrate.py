@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import Group, Parameter
+from cyclopts import Parameter
 
 from trueterrain.cli._console import progress_bar, write_json, write_line, write_note
 from trueterrain.cli._motion import process_and_note, require_run
-from trueterrain.cli._settings import Flattened, flatten_settings
+from trueterrain.cli._options import flatten_settings
 from trueterrain.core.errors import SchemaError
 from trueterrain.georeference.screening import Screening
 from trueterrain.georeference.settings import CalibrationSettings
@@ -28,32 +28,28 @@ _FIELDS = {
 }
 _DIGITS = 9  # decimals that are written [rad, m, s]: far below any standard deviation
 
-_ESTIMATION, _START, _RETURNS, _MOTION = map(
-    Group.create_ordered,
-    (
-        "Estimation",
-        "Mounting from which the estimation starts, by default that of the runs",
-        "Returns",
-        "Motion",
-    ),
+_ESTIMATION = flatten_settings("Estimation", omit=["parameters", "unobservable", "screening"])
+_START = flatten_settings(
+    "Mounting from which the estimation starts, by default that of the runs", sort_key=2
 )
-_SETTINGS = Flattened(group=_ESTIMATION, names={"parameters": None, "unobservable": None})
-_FUSION = Flattened(group=_MOTION, names={"drift_time": "motion_drift_time"})
+_RETURNS = flatten_settings("Returns", sort_key=3)
+_MOTION = flatten_settings("Motion", omit=["drift_time"], sort_key=4)  # a name of the estimation
 
 
-@flatten_settings
 def calibrate(
     first: Annotated[Path, Parameter(name="RUN")],
     second: Annotated[Path, Parameter(name="RUN2")],
     /,
     *more: Annotated[Path, Parameter(name="MORE")],
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    parameter: Annotated[tuple[Name, ...] | None, Parameter(group=_ESTIMATION)] = None,
-    unobservable: Annotated[Literal["refuse", "hold"] | None, Parameter(group=_ESTIMATION)] = None,
-    settings: Annotated[CalibrationSettings, _SETTINGS] = CalibrationSettings(),
-    start: Annotated[MountingOverride, Flattened(group=_START)] = MountingOverride(),
-    screening: Annotated[Screening, Flattened(group=_RETURNS)] = Screening(),
-    motion: Annotated[FusionSettings, _FUSION] = FusionSettings(),
+    parameter: Annotated[tuple[Name, ...] | None, Parameter(group=_ESTIMATION.group)] = None,
+    unobservable: Annotated[
+        Literal["refuse", "hold"] | None, Parameter(group=_ESTIMATION.group)
+    ] = None,
+    settings: Annotated[CalibrationSettings, _ESTIMATION] = CalibrationSettings(),
+    start: Annotated[MountingOverride, _START] = MountingOverride(),
+    screening: Annotated[Screening, _RETURNS] = Screening(),
+    motion: Annotated[FusionSettings, _MOTION] = FusionSettings(),
     json: bool = False,
     force: bool = False,
 ) -> None:

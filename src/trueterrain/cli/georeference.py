@@ -8,8 +8,7 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import progress_bar, write_json, write_note
 from trueterrain.cli._motion import process_and_note, require_run
-from trueterrain.cli._options import INTEGER
-from trueterrain.cli._settings import Flattened, flatten_settings
+from trueterrain.cli._options import INTEGER, flatten_settings
 from trueterrain.georeference.screening import Screening
 from trueterrain.motion.settings import FusionSettings
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-@flatten_settings
 def georeference(
     run: Path,
     /,
@@ -26,8 +24,8 @@ def georeference(
     crs: str | None = None,
     range_noise: float = 0.0005,
     lane: Annotated[int | None, INTEGER] = None,
-    screening: Annotated[Screening, Flattened(group="Returns")] = Screening(),
-    motion: Annotated[FusionSettings, Flattened(group="Motion")] = FusionSettings(),
+    screening: Annotated[Screening, flatten_settings("Returns")] = Screening(),
+    motion: Annotated[FusionSettings, flatten_settings("Motion", sort_key=2)] = FusionSettings(),
     json: bool = False,
     force: bool = False,
 ) -> None:

@@ -9,10 +9,9 @@ from cyclopts import Group, Parameter
 
 from trueterrain.cli._console import progress_bar, worker_threads, write_json, write_note
 from trueterrain.cli._motion import process_and_note
-from trueterrain.cli._options import INTEGER
+from trueterrain.cli._options import INTEGER, flatten_settings
 from trueterrain.cli._points import Classes, Returns, note_conversion, point_filter
 from trueterrain.cli._recordings import kind_of_all
-from trueterrain.cli._settings import Flattened, flatten_settings
 from trueterrain.georeference.screening import Screening
 from trueterrain.motion.settings import FusionSettings
 from trueterrain.surface.holes import HoleSettings
@@ -24,42 +23,36 @@ if TYPE_CHECKING:
 
 _MAPS = (".tif", ".tiff")  # endings of grids over easting and northing
 
-_GRID, _NODES, _HOLES, _RETURNS, _MOTION, _POINTS = map(
-    Group.create_ordered,
-    (
-        "Grid",
-        "Heights of nodes",
-        "Holes and coarser grids",
-        "Returns of runs",
-        "Motion of runs",
-        "Points",
-    ),
+_GRID = flatten_settings("Grid", omit=["lap", "as_map"])
+# omitted fields have a name or a default of their own here
+_NODES = flatten_settings(
+    "Heights of nodes", omit=["percent", "level", "agreed", "range_noise"], sort_key=2
 )
-_PLACEMENT = Flattened(group=_GRID, names={"lap": None, "as_map": None})
-_CELLS = Flattened(group=_NODES, names={"percent": None, "level": None, "agreed": None})
+_HOLES = Parameter(group=Group("Holes and coarser grids", sort_key=3))
+_RETURNS = flatten_settings("Returns of runs", sort_key=4)
+_MOTION = flatten_settings("Motion of runs", sort_key=5)
+_POINTS = Parameter(group=Group("Points", sort_key=6))
 
 
-@flatten_settings
 def grid(
     file: Annotated[Path, Parameter(name="INPUT")],
     /,
     *more: Annotated[Path, Parameter(name="MORE")],
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    placement: Annotated[GridPlacement, _PLACEMENT] = GridPlacement(),
-    cells: Annotated[GridSettings, _CELLS] = GridSettings(range_noise=0.0005),
-    percent: Annotated[float | None, Parameter(group=_NODES)] = None,
-    plain: Annotated[bool, Parameter(group=_NODES)] = False,
-    holes: Annotated[
-        HoleSettings, Flattened(group=_HOLES, names={"largest": "fill"})
-    ] = HoleSettings(),
-    down_sample: Annotated[tuple[int, int] | None, Parameter(group=_HOLES)] = None,
-    screening: Annotated[Screening, Flattened(group=_RETURNS)] = Screening(),
-    begin: Annotated[float | None, Parameter(group=_MOTION)] = None,
-    end: Annotated[float | None, Parameter(group=_MOTION)] = None,
-    motion: Annotated[FusionSettings, Flattened(group=_MOTION)] = FusionSettings(),
-    crs: Annotated[str | None, Parameter(group=_POINTS)] = None,
-    classes: Annotated[Classes, Parameter(group=_POINTS)] = None,
-    returns: Annotated[Returns, Parameter(group=_POINTS)] = None,
+    placement: Annotated[GridPlacement, _GRID] = GridPlacement(),
+    cells: Annotated[GridSettings, _NODES] = GridSettings(),
+    percent: Annotated[float | None, Parameter(group=_NODES.group)] = None,
+    plain: Annotated[bool, Parameter(group=_NODES.group)] = False,
+    range_noise: Annotated[float, Parameter(group=_NODES.group)] = 0.0005,
+    fill: Annotated[float, _HOLES] = HoleSettings().largest,
+    down_sample: Annotated[tuple[int, int] | None, _HOLES] = None,
+    screening: Annotated[Screening, _RETURNS] = Screening(),
+    begin: Annotated[float | None, Parameter(group=_MOTION.group)] = None,
+    end: Annotated[float | None, Parameter(group=_MOTION.group)] = None,
+    motion: Annotated[FusionSettings, _MOTION] = FusionSettings(),
+    crs: Annotated[str | None, _POINTS] = None,
+    classes: Annotated[Classes, _POINTS] = None,
+    returns: Annotated[Returns, _POINTS] = None,
     threads: Annotated[int | None, INTEGER] = None,
     json: bool = False,
     force: bool = False,
@@ -85,6 +78,10 @@ def grid(
         Percentile of --statistic percentile [%].
     plain
         Do not correct the mean for the slope between the centroid of the returns and the node.
+    range_noise
+        Standard deviation of a range, or of a point without its motion error [m].
+    fill
+        Maximum extent of interior holes that are filled [m]; 0 for none.
     down_sample
         Numbers of nodes along and across that are combined into one, for smooth terrain; the loss
         of detail is reported.
@@ -114,7 +111,13 @@ def grid(
 
     inputs = [file, *more]
     formats.writer_of("surface", output)
-    cells = replace(cells, level=not plain, percent=_percentile_fraction(cells.statistic, percent))
+    cells = replace(
+        cells,
+        level=not plain,
+        percent=_percentile_fraction(cells.statistic, percent),
+        range_noise=range_noise,
+    )
+    holes = HoleSettings(largest=fill)
     placement = replace(placement, as_map=output.suffix.lower() in _MAPS)
     kind = kind_of_all(
         inputs,

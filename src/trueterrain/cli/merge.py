@@ -18,50 +18,40 @@ from trueterrain.cli._console import (
     write_line,
     write_note,
 )
-from trueterrain.cli._options import INTEGER
+from trueterrain.cli._options import INTEGER, flatten_settings
 from trueterrain.cli._points import Classes, Returns, note_conversion, point_filter
 from trueterrain.cli._recordings import kind_of_all
-from trueterrain.cli._settings import Flattened, flatten_settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from trueterrain.formats import PointFilter
 
-_PRESET = MergeSettings()
-_METHOD, _CELLS, _NETWORK, _DISCONTINUITY, _POINTS = map(
-    Group.create_ordered,
-    (
-        "Method",
-        "Cells in which passes are compared",
-        "Network adjustment",
-        "Discontinuity vectors",
-        "Points",
-    ),
-)
-_VECTORS = Flattened(
-    group=_DISCONTINUITY, names={"spacing": "reference_spacing", "cell": "overlap_cell"}
-)
+_METHOD = flatten_settings("Method", omit=["fixed", "cells", "network", "discontinuity"])
+_CELLS = flatten_settings("Cells in which passes are compared", omit=["size"], sort_key=2)
+_NETWORK = flatten_settings("Network adjustment", sort_key=3)
+_VECTORS = flatten_settings("Discontinuity vectors", omit=["spacing", "cell"], sort_key=4)
+_POINTS = Parameter(group=Group("Points", sort_key=5))
 
 
-@flatten_settings
 def merge(
     lane: Annotated[Path, Parameter(name="LANE")],
     /,
     *more: Annotated[Path, Parameter(name="MORE")],
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    settings: Annotated[MergeSettings, Flattened(group=_METHOD, names={"fixed": "fix"})] = _PRESET,
-    check: Annotated[bool, Parameter(group=_METHOD)] = False,
-    network: Annotated[NetworkSettings, Flattened(group=_NETWORK)] = _PRESET.network,
-    discontinuity: Annotated[DiscontinuitySettings, _VECTORS] = _PRESET.discontinuity,
-    cell: Annotated[float | None, Parameter(group=_CELLS)] = None,
-    cells: Annotated[CellSettings, Flattened(group=_CELLS, names={"size": None})] = _PRESET.cells,
+    settings: Annotated[MergeSettings, _METHOD] = MergeSettings(),
+    fix: Annotated[list[str] | None, Parameter(group=_METHOD.group)] = None,
+    check: Annotated[bool, Parameter(group=_METHOD.group)] = False,
+    cell: Annotated[float | None, Parameter(group=_CELLS.group)] = None,
+    cells: Annotated[CellSettings, _CELLS] = CellSettings(),
+    network: Annotated[NetworkSettings, _NETWORK] = NetworkSettings(),
+    discontinuity: Annotated[DiscontinuitySettings, _VECTORS] = DiscontinuitySettings(),
     spacing: float | None = None,
     threads: Annotated[int | None, INTEGER] = None,
-    split: Annotated[bool, Parameter(group=_POINTS)] = False,
-    crs: Annotated[str | None, Parameter(group=_POINTS)] = None,
-    classes: Annotated[Classes, Parameter(group=_POINTS)] = None,
-    returns: Annotated[Returns, Parameter(group=_POINTS)] = None,
+    split: Annotated[bool, _POINTS] = False,
+    crs: Annotated[str | None, _POINTS] = None,
+    classes: Annotated[Classes, _POINTS] = None,
+    returns: Annotated[Returns, _POINTS] = None,
     json: bool = False,
     force: bool = False,
 ) -> None:
@@ -91,6 +81,9 @@ def merge(
         the cells for clouds.
     split
         Split several files by point source ID as well, e.g. tiles of one survey.
+    fix
+        Pass that is not corrected; may be given several times. By default the mean correction of
+        all passes is zero.
     check
         Test whether the passes agree, without correcting them; --output is then optional. The exit
         code is 1 if two passes differ by more than the limit, or if a pass overlaps no other.
@@ -128,9 +121,10 @@ def merge(
     settings = replace(
         settings,
         method="grid" if check else settings.method,
+        fixed=tuple(fix or ()),
         network=network,
         discontinuity=discontinuity,
-        cells=cells if cell is None else replace(cells, size=cell),
+        cells=replace(cells, size=settings.cells.size if cell is None else cell),
     )
     if check:
         _check_agreement(
