@@ -336,7 +336,7 @@ def _from_disk(path: Path, times: int) -> tuple[Callable[[], Any], list[Any]]:
     """What grids a run, and a list into which it puts the surface; all is compiled."""
     duration = times * SCANS / RATE
     trajectory = drive(duration)
-    one = PassRecord(path=path, trajectory=trajectory)
+    one = PassRecord(run=path, trajectory=trajectory)
     warm, _ = grid_runs([one], grid_along(straight_line((0, 0), (9, 0))), threads=THREADS)
     write_file(warm, path.with_suffix(".crg"))
     line = line_from_trajectory(trajectory, begin=0.0, end=duration - 0.01)

@@ -82,7 +82,7 @@ def merging() -> dict[str, Any]:
         def passes() -> dict[str, PassRecord]:
             return {
                 name: PassRecord(
-                    path=path, trajectory=fuse_motion(open_run(path), settings=settings).trajectory
+                    run=path, trajectory=fuse_motion(open_run(path), settings=settings).trajectory
                 )
                 for name, path in paths.items()
             }

@@ -24,6 +24,6 @@ def two_lanes() -> dict[str, PassRecord]:
     )
     paths = record_scene(short, Path(tempfile.mkdtemp()))
     return {
-        drive.name: PassRecord(path=path, trajectory=fuse_motion(open_run(path)).trajectory)
+        drive.name: PassRecord(run=path, trajectory=fuse_motion(open_run(path)).trajectory)
         for drive, path in zip(short.passes, paths, strict=True)
     }

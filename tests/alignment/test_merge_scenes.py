@@ -38,7 +38,7 @@ RARE = 1e-4  # probability below which chance is no explanation
 def passes_of(runs, scene):
     """Runs of a scene with their fused motion, by the names of their passes."""
     return {
-        drive.name: PassRecord(path=path, trajectory=fuse_motion(open_run(path)).trajectory)
+        drive.name: PassRecord(run=path, trajectory=fuse_motion(open_run(path)).trajectory)
         for drive, path in zip(scene.passes, runs, strict=True)
     }
 

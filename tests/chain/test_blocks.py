@@ -53,7 +53,7 @@ def long_run(tmp_path_factory):
     trajectory = fuse_motion(
         open_run(path), settings=FusionSettings(method="navigation")
     ).trajectory
-    return PassRecord(path=path, trajectory=trajectory)
+    return PassRecord(run=path, trajectory=trajectory)
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def middle(run, trajectory):
     """Easting and height along the middle of the lane, mean across [m]."""
     line = straight_line((6.0, 0.0), (14.0, 0.0), spacing=0.02)
     grid = grid_along(line, right=-0.1, left=0.1)
-    surface, _ = grid_runs([PassRecord(path=run, trajectory=trajectory)], grid)
+    surface, _ = grid_runs([PassRecord(run=run, trajectory=trajectory)], grid)
     return surface.easting.values, np.nanmean(surface.height.values, axis=1)
 
 

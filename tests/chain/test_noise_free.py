@@ -132,7 +132,7 @@ def test_the_surface_is_the_ground(recorded, motion):
         settings = FusionSettings(method=motion, gravity=GRAVITY)
         trajectory = fuse_motion(open_run(run), settings=settings).trajectory
     surface, report = grid_runs(
-        [PassRecord(path=run, trajectory=trajectory)], grid_of(run, trajectory)
+        [PassRecord(run=run, trajectory=trajectory)], grid_of(run, trajectory)
     )
     truth = ground.height(*node_coordinates(surface))
     cells = smooth(truth)

@@ -87,7 +87,7 @@ class Certificate:
 
     def _surface(self, trajectory, moved):
         ahead = trajectory.position + np.array([moved, 0.0, 0.0])
-        one = PassRecord(path=self._run, trajectory=replace(trajectory, position=ahead))
+        one = PassRecord(run=self._run, trajectory=replace(trajectory, position=ahead))
         return grid_runs([one], self._grid)[0]
 
     def _fitting(self, trajectory):

@@ -26,7 +26,6 @@ from trueterrain.formats.navigation import columns, sbet, smrmsg
 from trueterrain.formats.run import (
     Mounting,
     RunWriter,
-    _store,
     check_run,
     describe,
     open_run,
@@ -391,7 +390,7 @@ def test_info_verifies_the_chunks_of_points(make):
 def test_runs_of_earlier_versions_are_opened(make, tmp_path, monkeypatch):
     """They have no checksums and no list of arrays, and zeros as fill value."""
     monkeypatch.setattr(
-        _store,
+        _zarr_write,
         "make_compressors",
         lambda level, shuffle: [BloscCodec(cname="zstd", clevel=level, shuffle=shuffle)],
     )

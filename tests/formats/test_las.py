@@ -16,7 +16,7 @@ from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, FormatError, OutputError, SchemaError
 from trueterrain.core.schemas import make_points
 from trueterrain.formats import las
-from trueterrain.formats.las._duplicates import DuplicateCounter
+from trueterrain.formats.las._describe import DuplicateCounter
 from trueterrain.formats.signature import recognise_format
 
 EXACT = {"rtol": 0, "atol": 0}  # the same integers with the same scale

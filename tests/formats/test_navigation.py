@@ -643,6 +643,16 @@ def test_tables_that_are_damaged(tmp_path):
         nav.read_columns(path)
 
 
+def test_names_of_columns_in_latin_1(tmp_path):
+    table = our_table(5)
+    path = tmp_path / "nav.csv"
+    path.write_bytes(table.rename(columns={"up": "Höhe"}).to_csv(index=False).encode("latin-1"))
+    found = nav.read_columns(
+        path, nav.NavigationColumns(east="east", north="north", up="Höhe", yaw="yaw")
+    )
+    npt.assert_array_equal(found.up, table["up"])
+
+
 def test_parquet_that_is_damaged(tmp_path):
     path = tmp_path / "nav.parquet"
     table = our_table(5)

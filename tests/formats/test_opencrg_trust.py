@@ -18,7 +18,7 @@ from trueterrain.core.schemas import make_surface
 from trueterrain.formats import opencrg
 from trueterrain.formats.opencrg import _blocks, _rules, _stream, _verify, _write
 from trueterrain.formats.opencrg._holes import patch_surface
-from trueterrain.formats.opencrg._median import blockwise_median
+from trueterrain.formats.opencrg._write import blockwise_median
 
 ROWS, COLUMNS = 60, 9
 STEP_OF_TEXT = 5e-8  # [m] rounding of heights below 1 m in LRFI: a sign, a point and 7 digits

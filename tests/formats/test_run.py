@@ -224,6 +224,34 @@ def test_a_run_is_opened_lazily(store, tmp_path):
     npt.assert_allclose(one, recording()["range"][1500:1510], **HALF_STEP)
 
 
+def test_a_run_is_opened_once_and_passed_on(store):
+    run = open_run(store)
+    assert open_run(run) is run
+    assert run.source == store
+    assert run.file_name == store.name
+    assert run.mounting == Mounting.from_attrs(run.attrs["mounting"])
+    assert list(run.origin) == run.attrs["origin"]
+    steps = run.stored["scans/range"]
+    lost = np.isnan(run["scans/range"].values)
+    assert steps.dtype == np.uint16
+    npt.assert_array_equal(steps.read() == steps.attrs["_FillValue"], lost)
+    npt.assert_array_equal((steps.read() * 1e-4)[~lost], run["scans/range"].values[~lost])
+
+
+def test_a_run_in_memory_has_no_store(store):
+    tree = loaded(store)
+    run = open_run(tree)
+    assert run.source is None
+    assert run.file_name == tree.attrs["name"]
+    assert open_run(store).copy().source is None
+    xr.testing.assert_identical(run["scans"].to_dataset(), tree["scans"].to_dataset())
+    with pytest.raises(ValueError, match="write it first"):
+        _ = run.stored
+    del tree.attrs["mounting"]
+    with pytest.raises(SchemaError, match="attribute mounting: is missing"):
+        _ = open_run(tree).mounting
+
+
 def test_blocks_of_any_size_give_the_same_bytes(store, tmp_path):
     data = recording()
     whole = {file.relative_to(store): file.read_bytes() for file in files_of(store)}
@@ -620,7 +648,7 @@ def test_time_that_runs_backwards(store):
 
 def test_time_that_runs_backwards_between_two_blocks(store):
     """The rules are checked across the limits of blocks."""
-    from trueterrain.formats.navigation.schema import TimeChecker
+    from trueterrain.core.schemas.navigation import TimeChecker
 
     clock = TimeChecker(path=None, place="time")
     clock.check(np.array([1.0, 2.0]))

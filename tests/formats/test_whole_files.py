@@ -16,7 +16,7 @@ from trueterrain.figures.output import save_figure
 from trueterrain.formats import erd, geotiff, las, opencrg, store, table
 from trueterrain.formats.las import _write as las_write
 from trueterrain.formats.run import Mounting, RunWriter
-from trueterrain.formats.table import _parquet, _write
+from trueterrain.formats.table import _write
 
 NOISE = np.random.default_rng(0)
 ALONG = 0.01 * np.arange(60)
@@ -121,7 +121,7 @@ READ_BACK = {
     "points.las": (las_write, "_require_same", lambda temporary, *_: temporary),
     "points.laz": (las_write, "_require_same", lambda temporary, *_: temporary),
     "points.csv": (_write._CsvWriter, "require_same", lambda writer, _: writer._path),
-    "points.parquet": (_parquet.ParquetWriter, "require_same", lambda writer, _: writer._path),
+    "points.parquet": (_write._ParquetWriter, "require_same", lambda writer, _: writer._path),
     "profile.erd": (Checksums, "add_file", lambda _, name, path: path),
 }
 

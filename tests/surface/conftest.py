@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from trueterrain.formats.run import Mounting, open_run, scan_blocks
-from trueterrain.georeference import ScanGeometry, mounting_of
+from trueterrain.georeference import ScanGeometry
 from trueterrain.motion import Trajectory
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.raster import Raster
@@ -61,7 +61,7 @@ def drive(tmp_path_factory) -> Callable[..., Driven]:
         )
         (path,) = record_scene(scene, tmp_path_factory.mktemp("run"))
         blocks = list(scan_blocks(path))
-        trajectory, mounting = exact_trajectory(path), mounting_of(open_run(path))
+        trajectory, mounting = exact_trajectory(path), open_run(path).mounting
         return Driven(
             path=path,
             trajectory=trajectory,

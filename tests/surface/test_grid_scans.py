@@ -12,7 +12,7 @@ from scipy.stats import binned_statistic_2d
 
 from trueterrain.core.errors import CoverageError, FormatError, SchemaError
 from trueterrain.geometry.reference_line import line_from_trajectory
-from trueterrain.georeference import ScanGeometry, Screening, georeference
+from trueterrain.georeference import ScanGeometry, Screening, georeference, mounting_of
 from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import RoadShape
 from trueterrain.surface import node_coordinates, xy_to_uv
@@ -112,7 +112,7 @@ def test_surfaces_are_the_same_bit_for_bit(noise_free, statistic):
 def test_runs_from_their_stores_are_the_same(noise_free):
     """With motion, mounting and ranges as they are stored, in blocks, and for the median too."""
     grid = grid_of(noise_free)
-    one = PassRecord(path=noise_free.path, trajectory=noise_free.trajectory)
+    one = PassRecord(run=noise_free.path, trajectory=noise_free.trajectory)
     surface, report = grid_runs([one], grid, threads=2, block=99)
     direct = surface_of(sums_of(noise_free, grid))
     npt.assert_array_equal(surface["count"], direct["count"])
@@ -128,7 +128,7 @@ def test_runs_from_their_stores_are_the_same(noise_free):
     with pytest.raises(ValueError, match="at least one pass"):
         grid_runs([], grid)
     early = PassRecord(
-        path=noise_free.path,
+        run=noise_free.path,
         trajectory=replace(noise_free.trajectory, time=noise_free.trajectory.time + 100.0),
     )
     with pytest.raises(CoverageError, match="covers none of the"):
@@ -142,10 +142,20 @@ def test_runs_of_different_frames_are_refused(noise_free, tmp_path):
     document["attributes"]["origin"] = [12.0, 48.0, 500.0]
     (other / "zarr.json").write_text(json.dumps(document))
     passes = [
-        PassRecord(path=path, trajectory=noise_free.trajectory) for path in (noise_free.path, other)
+        PassRecord(run=path, trajectory=noise_free.trajectory) for path in (noise_free.path, other)
     ]
     with pytest.raises(SchemaError, match="attribute origin: is"):
         grid_runs(passes, grid_of(noise_free))
+
+
+def test_earlier_names_of_a_pass_are_deprecated(noise_free):
+    with pytest.warns(DeprecationWarning, match="run="):
+        one = PassRecord(path=noise_free.path, trajectory=noise_free.trajectory)
+    assert one.path == one.run.source == noise_free.path
+    with pytest.warns(DeprecationWarning, match=r"run\.mounting"):
+        assert mounting_of(one.run) == one.mounting
+    with pytest.raises(ValueError, match="run must be a run or its store"):
+        PassRecord(trajectory=noise_free.trajectory)
 
 
 def test_a_damaged_chunk_is_named(noise_free, tmp_path):
@@ -153,7 +163,7 @@ def test_a_damaged_chunk_is_named(noise_free, tmp_path):
     shutil.copytree(noise_free.path, broken)
     (broken / "scans" / "range" / "c.0.0").write_bytes(b"nonsense")
     with pytest.raises(FormatError, match=r"array scans/range, chunk c\.0\.0: is damaged"):
-        grid_runs([PassRecord(path=broken, trajectory=noise_free.trajectory)], grid_of(noise_free))
+        grid_runs([PassRecord(run=broken, trajectory=noise_free.trajectory)], grid_of(noise_free))
 
 
 def test_stored_numbers_and_metres_give_the_same(noise_free):

@@ -79,8 +79,8 @@ def passes(tmp_path_factory):
     second = laps(rate=-2.2)
     second = replace(second, covariance=3 * second.covariance)
     return [
-        PassRecord(path=recorded(folder / "one.zarr", 1, furthest=6.5), trajectory=laps()),
-        PassRecord(path=recorded(folder / "two.zarr", 2, furthest=20.0), trajectory=second),
+        PassRecord(run=recorded(folder / "one.zarr", 1, furthest=6.5), trajectory=laps()),
+        PassRecord(run=recorded(folder / "two.zarr", 2, furthest=20.0), trajectory=second),
     ]
 
 

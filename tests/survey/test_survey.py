@@ -17,6 +17,7 @@ import trueterrain as tt
 from trueterrain.core.errors import CoverageError, FormatError, OutputError, SchemaError
 from trueterrain.core.manifest import missing_files
 from trueterrain.formats.run import open_run
+from trueterrain.formats.run._handle import open_unchecked
 from trueterrain.motion import fuse_motion
 from trueterrain.profile import EnvelopeSettings, TyreProfileSettings, offset_path
 from trueterrain.profile.envelope import tyre_envelope
@@ -104,7 +105,7 @@ def test_everything_is_written(found):
 
 def test_surfaces_are_those_of_gridding_step_by_step(found, survey, runs):
     motion = fuse_motion(open_run(runs[0]))
-    one = PassRecord(path=runs[0], trajectory=motion.trajectory)
+    one = PassRecord(run=runs[0], trajectory=motion.trajectory)
     surface, tally = grid_runs([one], survey.grid.of_runs([one]), survey.cells)
     lane = found.numbers["lanes"][0]
     assert lane["returns"] == tally
@@ -135,6 +136,20 @@ def test_the_functions_of_the_chain_give_the_result_of_the_survey(found, survey,
     assert [float(ratings[one["name"]].iri[0]) for one in lane["profiles"]] == [
         one["iri"] for one in lane["profiles"]
     ]
+
+
+def test_a_run_is_opened_once_from_recording_to_surface(survey, runs, monkeypatch):
+    opened = []
+
+    def count_openings(path):
+        opened.append(Path(path))
+        return open_unchecked(path)
+
+    monkeypatch.setattr("trueterrain.formats.run._open.open_unchecked", count_openings)
+    processed, _ = tt.align_passes([tt.process_run(path) for path in runs])
+    tt.build_surface(processed, survey.grid)
+    next(tt.georeference_run(processed[0]))
+    assert opened == list(runs)
 
 
 def test_runs_of_one_name_are_not_aligned(runs):

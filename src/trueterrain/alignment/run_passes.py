@@ -18,8 +18,7 @@ from trueterrain.alignment.observations.cells import PassCells, make_pass_cells
 from trueterrain.alignment.observations.collection import cells_of_run
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.formats.run import open_run
-from trueterrain.georeference import Screening, georeference, mounting_of
+from trueterrain.georeference import Screening, georeference
 from trueterrain.surface.runs import PassRecord, require_one_frame
 
 
@@ -120,13 +119,13 @@ def cells_of_passes(
     CoverageError
         If a trajectory covers no scan of its run, or no cell has enough returns.
     """
-    require_one_frame([one.path for one in passes.values()])
+    require_one_frame([one.run for one in passes.values()])
     progress("cells of passes", 0, len(passes))
     with ThreadPoolExecutor(threads) as pool:
         jobs = [
             pool.submit(
                 cells_of_run,
-                one.path,
+                one.run,
                 one.trajectory,
                 settings.cells,
                 name=name,
@@ -213,7 +212,7 @@ def _align_runs(
     progress: Progress,
 ) -> PassAlignment:
     def points(one: PassRecord) -> Callable[[], Iterator[xr.Dataset]]:
-        return lambda: georeference(one.path, one.trajectory, one.mounting, screening=screening)
+        return lambda: georeference(one.run, one.trajectory, one.mounting, screening=screening)
 
     return align_along_paths(
         {name: points(one) for name, one in passes.items()},
@@ -226,9 +225,8 @@ def _align_runs(
 
 def _correct_pass(one: PassRecord, name: str, merging: MergeResult) -> PassRecord:
     if merging.alignment is not None:
-        mounting = one.mounting or mounting_of(open_run(one.path), path=one.path)
         raised = trajectory_along(
-            one.trajectory, merging.alignment, name, lever_arm=mounting.scanner_position
+            one.trajectory, merging.alignment, name, lever_arm=one.mounting.scanner_position
         )
         return replace(one, trajectory=raised)
     found = merging.adjustment

@@ -7,19 +7,23 @@ from trueterrain.cli._console import write_note
 from trueterrain.core.errors import SchemaError
 
 if TYPE_CHECKING:
+    from trueterrain.formats.run import Run
     from trueterrain.motion import FusionSettings
     from trueterrain.survey import ProcessedRun
 
 
 def process_and_note(
-    run: Path, motion: "FusionSettings", begin: float | None = None, end: float | None = None
+    run: "Run | Path",
+    motion: "FusionSettings",
+    begin: float | None = None,
+    end: float | None = None,
 ) -> "ProcessedRun":
     """Estimate the motion of a run, and note problems of motion and scans on stderr.
 
     Parameters
     ----------
-    run : Path
-        Store of the run.
+    run : Run or Path
+        The run, or its store.
     motion : FusionSettings
         Settings of the fusion.
     begin, end : float, optional
@@ -34,7 +38,7 @@ def process_and_note(
 
     processed = process_run(run, motion, begin=begin, end=end)
     for problem in processed.problems:
-        write_note(f"{run}: {problem}")
+        write_note(f"{processed.record.run.source}: {problem}")
     return processed
 
 

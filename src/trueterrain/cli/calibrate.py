@@ -18,7 +18,7 @@ from trueterrain.motion.settings import FusionSettings
 from trueterrain.survey import MountingOverride
 
 if TYPE_CHECKING:
-    from trueterrain.formats.run import Mounting
+    from trueterrain.formats.run import Mounting, Run
     from trueterrain.georeference import Calibration
 
 _FIELDS = {
@@ -87,6 +87,7 @@ def calibrate(
         Replace the output if it exists.
     """
     from trueterrain.core import require_writable
+    from trueterrain.formats.run import open_run
     from trueterrain.georeference import calibrate_mounting
     from trueterrain.surface.runs import require_one_frame
 
@@ -100,12 +101,13 @@ def calibrate(
         screening=screening,
     )
     _check_runs(runs)
-    mounting = _start_mounting(runs, start)
-    require_one_frame(runs)
+    opened = [open_run(run) for run in runs]
+    mounting = _start_mounting(opened, start)
+    require_one_frame(opened)
     with progress_bar() as progress:
         found = calibrate_mounting(
-            runs,
-            [process_and_note(run, motion).trajectory for run in runs],
+            opened,
+            [process_and_note(run, motion).trajectory for run in opened],
             mounting=mounting,
             settings=settings,
             progress=progress,
@@ -138,17 +140,14 @@ def _check_runs(runs: list[Path]) -> None:
         seen.add(run.resolve())
 
 
-def _start_mounting(runs: list[Path], override: MountingOverride) -> "Mounting":
+def _start_mounting(runs: "list[Run]", override: MountingOverride) -> "Mounting":
     """Mounting from which the estimation starts; it must be the same for all runs."""
-    from trueterrain.formats.run import open_run
-    from trueterrain.georeference import mounting_of
-
-    stated = [override.over(mounting_of(open_run(run), path=run)) for run in runs]
+    stated = [override.over(run.mounting) for run in runs]
     for run, other in zip(runs, stated, strict=True):
         if _estimable_values(other) != _estimable_values(stated[0]):
             raise SchemaError(
-                f"differs from that of {runs[0]}",
-                path=run,
+                f"differs from that of {runs[0].source}",
+                path=run.source,
                 place="attribute mounting",
                 cure="Calibrate runs of one mounting, or name it: --scanner-position and so on.",
             )

@@ -68,16 +68,17 @@ def georeference(
         check_crs(crs)
     require_run(run)
     formats.require_writable(output, force=force, inputs=[run], kind="points")
+    opened = open_run(run)
     if crs is not None:
-        check_crs(crs, open_run(run).attrs["origin"])
-    processed = process_and_note(run, motion)
+        check_crs(crs, opened.origin)
+    processed = process_and_note(opened, motion)
     last: xr.Dataset | None = None
 
     def blocks() -> "Iterator[xr.Dataset]":
         nonlocal last
         for block in found:
             last = block
-            yield block if crs is None else into_crs(block, processed.numbers["origin"], crs)
+            yield block if crs is None else into_crs(block, opened.origin, crs)
 
     with progress_bar() as progress:
         found = georeference_run(

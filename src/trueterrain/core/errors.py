@@ -13,9 +13,12 @@
 Every message is one line: the file, the place in it, the rule and what was found, and the cure.
 """
 
-from collections.abc import Iterator
+import difflib
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+_CUTOFF = 0.6  # least similarity, from 0 to 1 (ratio of `difflib`), of a name that is suggested
 
 
 class TrueTerrainError(Exception):
@@ -98,3 +101,15 @@ def name_file_in_errors(path: str | Path | None) -> Iterator[None]:
         if path is not None:
             error.path = error.path or Path(path)
         raise
+
+
+def suggest_name(name: str, known: Iterable[str]) -> str:
+    """``" (did you mean 'x'?)"`` if a known name is similar, else nothing.
+
+    Examples
+    --------
+    >>> suggest_name("beems", ["beams", "angles"])
+    " (did you mean 'beams'?)"
+    """
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=_CUTOFF)
+    return f" (did you mean {near[0]!r}?)" if near else ""

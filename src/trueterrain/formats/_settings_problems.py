@@ -6,7 +6,7 @@ import typing
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from trueterrain.formats._suggestions import suggest_name
+from trueterrain.core.errors import suggest_name
 
 
 def problems_of(entries: list[dict[str, Any]], kind: type, values: Mapping[str, Any]) -> list[str]:

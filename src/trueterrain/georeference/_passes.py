@@ -1,16 +1,14 @@
 """Passes over the same ground: their height differences for a mounting, and their motion errors."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.progress import Progress
-from trueterrain.formats.run import Mounting, scan_blocks
+from trueterrain.formats.run import Mounting, Run, scan_blocks
 from trueterrain.georeference._differences import (
     PatchDifferences,
     common_times,
@@ -31,7 +29,7 @@ class CalibrationPasses:
 
     Parameters
     ----------
-    runs : sequence of xarray.DataTree or path
+    runs : sequence of Run
         Passes over the same ground.
     trajectories : sequence of Trajectory
         Trajectory of each.
@@ -43,7 +41,7 @@ class CalibrationPasses:
 
     def __init__(
         self,
-        runs: Sequence[xr.DataTree | str | Path],
+        runs: Sequence[Run],
         trajectories: Sequence[Trajectory],
         settings: CalibrationSettings,
         progress: Progress,
@@ -63,7 +61,7 @@ class CalibrationPasses:
         """West, south, east, north of the ground that at least two passes may see [m]."""
         used = (self._settings.screening, self._settings.max_angle)
         parts = [
-            ground_extent(_scan_blocks(run), trajectory, mounting, *used)
+            ground_extent(scan_blocks(run, size=BLOCK), trajectory, mounting, *used)
             for run, trajectory in self._passes
         ]
         seen = np.array([part for part in parts if part is not None])
@@ -106,7 +104,7 @@ class CalibrationPasses:
         mounting: Mounting,
         area: tuple[float, float, float, float],
         spacing: float,
-        passes: list[tuple[xr.DataTree | str | Path, Trajectory]],
+        passes: list[tuple[Run, Trajectory]],
     ) -> tuple[PatchDifferences, list[Floats]]:
         grid = PatchGrid.over(area, spacing)
         if grid.shape[0] * grid.shape[1] > _MAX_CELLS:
@@ -118,7 +116,7 @@ class CalibrationPasses:
         self._progress(f"evaluation {self._views} of the ground", 0, None)
         used = (self._settings.screening, self._settings.max_angle)
         parts = [
-            fit_patches(_scan_blocks(run), trajectory, mounting, grid, *used)
+            fit_patches(scan_blocks(run, size=BLOCK), trajectory, mounting, grid, *used)
             for run, trajectory in passes
         ]
         found = form_height_differences(parts, grid, self._settings.cluster, mounting)
@@ -155,7 +153,3 @@ def _no_ground() -> CoverageError:
         "the passes have no common ground with enough returns",
         cure="Take passes over the same ground, or larger cells: spacing.",
     )
-
-
-def _scan_blocks(run: xr.DataTree | str | Path) -> Iterator[xr.Dataset]:
-    return scan_blocks(run, size=BLOCK)

@@ -28,7 +28,7 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.formats.run import Mounting, open_run
+from trueterrain.formats.run import Mounting, Run, open_run
 from trueterrain.georeference._differences import (
     ParameterEstimate,
     PatchDifferences,
@@ -45,7 +45,6 @@ from trueterrain.georeference.observability import (
     find_unobservable,
     unobservable_error,
 )
-from trueterrain.georeference.points import mounting_of
 from trueterrain.georeference.settings import CalibrationSettings
 from trueterrain.motion.trajectory import Trajectory
 
@@ -199,8 +198,9 @@ def calibrate_mounting(
             f"{len(runs)} and {len(trajectories)}."
         )
         raise ValueError(message)
-    start = mounting or _common_mounting(runs)
-    passes = CalibrationPasses(runs, trajectories, settings, progress)
+    opened = [open_run(run) for run in runs]
+    start = mounting or _common_mounting(opened)
+    passes = CalibrationPasses(opened, trajectories, settings, progress)
     chosen = [NAMES.index(name) for name in settings.parameters]
     area = settings.area or passes.area(start)
     before, errors = passes.first(start, area)
@@ -240,14 +240,9 @@ def calibrate_mounting(
     )
 
 
-def _common_mounting(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
+def _common_mounting(runs: Sequence[Run]) -> Mounting:
     """Mounting that all runs state; raises a ValueError if they differ."""
-    stated = []
-    for run in runs:
-        if isinstance(run, xr.DataTree):
-            stated.append(mounting_of(run))
-        else:
-            stated.append(mounting_of(open_run(run), path=Path(run)))
+    stated = [run.mounting for run in runs]
     ours = replace(stated[0], accelerometer_clock=0.0)
     for number, other in enumerate(stated):
         if replace(other, accelerometer_clock=0.0) != ours:

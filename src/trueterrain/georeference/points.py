@@ -3,6 +3,7 @@
 ``p_g = t_gb(t) + R_gb(t) (l_b + R_bs range (0, sin(angle), -cos(angle))), t = stamp + clock``
 """
 
+import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core import provenance
-from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.errors import CoverageError, name_file_in_errors
 from trueterrain.core.schemas import make_points
 from trueterrain.formats.run import Mounting, open_run, scan_blocks
 from trueterrain.georeference.scans import ScanGeometry
@@ -244,12 +245,8 @@ def _open_scans(
 ) -> tuple[Mounting, Iterable[xr.Dataset], Path | None]:
     """Mounting, blocks of scans, and the file of a run, a store or blocks."""
     if isinstance(scans, str | Path | xr.DataTree):
-        source = None if isinstance(scans, xr.DataTree) else Path(scans)
-        tree = open_run(source) if source is not None else scans
-        assert isinstance(tree, xr.DataTree)
-        if mounting is None:
-            mounting = mounting_of(tree, path=source)
-        return mounting, scan_blocks(tree if source is None else source, size=block), source
+        run = open_run(scans)
+        return mounting or run.mounting, scan_blocks(run, size=block), run.source
     if mounting is None:
         message = "mounting must be given with blocks of scans, which do not contain it."
         raise ValueError(message)
@@ -257,25 +254,7 @@ def _open_scans(
 
 
 def mounting_of(run: xr.DataTree, *, path: Path | None = None) -> Mounting:
-    """Mounting that a run states.
-
-    Parameters
-    ----------
-    run : xarray.DataTree
-        The run.
-    path : Path, optional
-        Store of the run, for error messages.
-
-    Returns
-    -------
-    Mounting
-        Lever arm, boresight angles and clocks.
-
-    Raises
-    ------
-    SchemaError
-        If the run states no mounting, or an invalid one.
-    """
-    if "mounting" not in run.attrs:
-        raise SchemaError("is missing", path=path, place="attribute mounting")
-    return Mounting.from_attrs(run.attrs["mounting"], path=path)
+    """Mounting that a run states; deprecated: it is `Run.mounting`."""
+    warnings.warn("mounting_of(run) is now run.mounting.", DeprecationWarning, stacklevel=2)
+    with name_file_in_errors(path):
+        return open_run(run).mounting

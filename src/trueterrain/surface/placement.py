@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.core.errors import CoverageError
-from trueterrain.formats.run import Mounting, open_run
 from trueterrain.formats.table import read_waypoints
 from trueterrain.geometry.reference_line import (
     ReferenceLine,
@@ -17,7 +16,6 @@ from trueterrain.geometry.reference_line import (
     line_through,
     straight_line,
 )
-from trueterrain.georeference import mounting_of
 from trueterrain.surface.cells import Grid, grid_along, grid_over
 from trueterrain.surface.pass_record import PassRecord
 
@@ -112,7 +110,7 @@ class GridPlacement:
             spacing=self.spacing,
             half_width=max(-self.right, self.left),
             smoothing=self.smoothing,
-            lever=_pass_mounting(first).scanner_position,
+            lever=first.mounting.scanner_position,
             begin=begin,
             end=end,
         )
@@ -257,14 +255,10 @@ def _time_at(record: PassRecord, fraction: float) -> float:
     return float(np.floor(10 * at) / 10)
 
 
-def _pass_mounting(record: PassRecord) -> Mounting:
-    return record.mounting or mounting_of(open_run(record.path), path=record.path)
-
-
 def _scan_time_span(record: PassRecord) -> tuple[float, float]:
     """True times of the first and the last scan that the motion covers."""
-    stamps = np.asarray(open_run(record.path)["scans"]["time"], dtype=np.float64)
-    clock = _pass_mounting(record).scanner_clock
+    stamps = np.asarray(record.run["scans"]["time"], dtype=np.float64)
+    clock = record.mounting.scanner_clock
     begin, end = (float(at) + clock for at in (np.nanmin(stamps), np.nanmax(stamps)))
     knots = record.trajectory.time
     return max(begin, float(knots[0])), min(end, float(knots[-1]))
@@ -280,7 +274,7 @@ def _motion_times(record: PassRecord) -> npt.NDArray[Any]:
 def _scanner_positions(record: PassRecord) -> npt.NDArray[Any]:
     """Positions of the scanner while it scans, shape (n, 3) [m]."""
     poses = record.trajectory.at(_motion_times(record))
-    lever = np.array(_pass_mounting(record).scanner_position)
+    lever = np.array(record.mounting.scanner_position)
     return np.asarray(poses.position + poses.rotation.apply(lever))
 
 

@@ -10,10 +10,10 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.formats.run import open_run
+from trueterrain.formats.run import Run, open_run
 from trueterrain.georeference import Screening
 from trueterrain.surface._nodes import NodeValues, halo_of
-from trueterrain.surface._recordings import Recording, origin_of, read_ahead
+from trueterrain.surface._recordings import Recording, read_ahead
 from trueterrain.surface._windows import WindowPlan, plan_windows
 from trueterrain.surface.accumulate import CellSums
 from trueterrain.surface.cells import Grid
@@ -92,8 +92,8 @@ def grid_runs(
             "1 byte."
         )
         raise ValueError(message)
+    require_one_frame([one.run for one in passes])
     recordings = [Recording(one, with_intensity=screening.needs_intensity) for one in passes]
-    _require_same([one.path for one in recordings], [one.origin for one in recordings])
     wanted = options.kept_sums()
     plan = plan_windows(
         grid,
@@ -128,7 +128,7 @@ def grid_runs(
         ),
         "grid",
         parameters={
-            "runs": [one.path.name for one in passes],
+            "runs": [one.run.file_name for one in passes],
             "options": options,
             "screening": screening,
             "spacing": grid.spacing,
@@ -137,13 +137,13 @@ def grid_runs(
     return surface, asdict(return_totals)
 
 
-def require_one_frame(paths: Sequence[Path]) -> tuple[float, ...]:
+def require_one_frame(runs: Sequence[Run | str | Path]) -> tuple[float, ...]:
     """Origin of the local frame that all runs have in common.
 
     Parameters
     ----------
-    paths : sequence of Path
-        Stores of the runs.
+    runs : sequence of Run or path
+        The runs, or their stores.
 
     Returns
     -------
@@ -155,20 +155,17 @@ def require_one_frame(paths: Sequence[Path]) -> tuple[float, ...]:
     SchemaError
         If one differs.
     """
-    origins = [origin_of(open_run(path)) for path in paths]
-    _require_same(paths, origins)
-    return origins[0]
-
-
-def _require_same(paths: Sequence[Path], origins: Sequence[tuple[float, ...]]) -> None:
-    for path, origin in zip(paths, origins, strict=True):
-        if origin != origins[0]:
+    opened = [open_run(run) for run in runs]
+    first = opened[0]
+    for run in opened:
+        if run.origin != first.origin:
             raise SchemaError(
-                f"is {list(origin)}, but that of {Path(paths[0]).name} is {list(origins[0])}",
-                path=path,
+                f"is {list(run.origin)}, but that of {first.file_name} is {list(first.origin)}",
+                path=run.source,
                 place="attribute origin",
                 cure="Grid runs of one local frame, or georeference them to points of one CRS.",
             )
+    return first.origin
 
 
 def _add_scans(
@@ -205,6 +202,6 @@ def _add_scans(
         if reach is not None:
             plan.note(number, index, reach, window)
             done = plan.done(number)
-        progress(one.path.stem, done, one.time.size)
+        progress(one.name, done, one.time.size)
     while sums.passes < len(recordings):
         sums.next_pass()

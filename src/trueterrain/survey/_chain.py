@@ -16,6 +16,7 @@ from trueterrain.alignment.merge import MergeResult
 from trueterrain.core import no_progress, whole_folder
 from trueterrain.core.json_values import json_values
 from trueterrain.core.progress import Progress
+from trueterrain.formats.run import Run, open_run
 from trueterrain.report import write_report
 from trueterrain.surface.evaluate import heights_at, node_coordinates
 from trueterrain.surface.runs import require_one_frame
@@ -96,12 +97,16 @@ def run_survey(
     OutputError
         If the folder is not empty and `force` is false, or as by `whole_folder`.
     """
-    require_one_frame([Path(run.path) for run in survey.runs])
+    opened = [open_run(run.path) for run in survey.runs]
+    require_one_frame(opened)
     with whole_folder(
         folder, result=RESULT, force=force, inputs=_survey_inputs(survey), names=REPORTED
     ) as temporary:
         pictures = Pictures(temporary if survey.outputs.pictures else None)
-        before = [process_survey_run(survey, run, progress) for run in survey.runs]
+        before = [
+            process_survey_run(survey, settings, progress, opened=run)
+            for settings, run in zip(survey.runs, opened, strict=True)
+        ]
         runs, merging = before, None
         if survey.lanes is not None:
             runs, merging = align_passes(
@@ -148,7 +153,11 @@ def run_survey(
 
 
 def process_survey_run(
-    survey: Survey, run: RunSettings, progress: Progress = no_progress
+    survey: Survey,
+    run: RunSettings,
+    progress: Progress = no_progress,
+    *,
+    opened: Run | None = None,
 ) -> ProcessedRun:
     """Estimate the motion of one run of a survey.
 
@@ -160,6 +169,8 @@ def process_survey_run(
         The run, the part of it that is used, and its mounting.
     progress : callable, optional
         Called with a task, the amount done and the total.
+    opened : Run, optional
+        The run, if it is open already.
 
     Returns
     -------
@@ -169,7 +180,7 @@ def process_survey_run(
     name = run_name(run)
     progress(f"{name}: motion", 0, None)
     return process_run(
-        run.path,
+        run.path if opened is None else opened,
         survey.motion,
         name=name,
         mounting=run.mounting,
@@ -216,7 +227,8 @@ def _truth_of(
     runs: Sequence[ProcessedRun], truth: Callable[[Path], TrueHeight | None]
 ) -> TrueHeight | None:
     """True ground under several runs, None if one does not know it; the first run has priority."""
-    known = [found for run in runs if (found := truth(run.record.path)) is not None]
+    paths = [path for run in runs if (path := run.record.path) is not None]
+    known = [found for path in paths if (found := truth(path)) is not None]
     if len(known) < len(runs):
         return None
 

@@ -13,8 +13,8 @@ from trueterrain.alignment.merge import MergeResult, MergeSettings
 from trueterrain.alignment.run_passes import merge_runs
 from trueterrain.core.errors import name_file_in_errors
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.formats.run import open_run
-from trueterrain.georeference import Screening, georeference, mounting_of
+from trueterrain.formats.run import Run, open_run
+from trueterrain.georeference import Screening, georeference
 from trueterrain.motion import FusedMotion, FusionSettings, Trajectory, fuse_motion
 from trueterrain.motion.scan_gaps import find_scan_problems
 from trueterrain.surface.pass_record import PassRecord
@@ -29,7 +29,7 @@ class ProcessedRun:
     "Name of the run in results."
 
     record: PassRecord
-    "Store of the run, the part of its trajectory that is used, and its mounting."
+    "The run, open, the part of its trajectory that is used, and its mounting."
 
     motion: FusedMotion
     "Result of the fusion over the whole run."
@@ -60,7 +60,6 @@ class ProcessedRun:
             ``name``, ``path``, ``scans``, ``beams``, ``seconds``, ``driven``, ``origin``,
             ``mounting``, ``motion`` and ``problems``.
         """
-        assert self.record.mounting is not None  # as `process_run` makes it
         return {
             "name": self.name,
             **self.numbers,
@@ -71,7 +70,7 @@ class ProcessedRun:
 
 
 def process_run(
-    path: str | Path,
+    run: Run | str | Path,
     motion: FusionSettings = FusionSettings(),
     *,
     name: str | None = None,
@@ -86,8 +85,8 @@ def process_run(
 
     Parameters
     ----------
-    path : str or Path
-        Store of the run, NAME.zarr.
+    run : Run or path
+        The run, or its store NAME.zarr.
     motion : FusionSettings
         Settings of the fusion; by default Kalman filter and smoother (``rts``).
     name : str, optional
@@ -111,21 +110,19 @@ def process_run(
     CoverageError
         If there is too little navigation, or it covers no scan.
     """
-    path = Path(path)
-    with name_file_in_errors(path), warnings.catch_warnings():
+    run = open_run(run)
+    with name_file_in_errors(run.source), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # each warning is among the problems as well
-        tree = open_run(path)
-        used = mounting.over(mounting_of(tree, path=path))
-        fused = fuse_motion(tree, settings=motion)
-        problems = (*fused.problems, *find_scan_problems(tree, fused.trajectory))
+        fused = fuse_motion(run, settings=motion)
+        problems = (*fused.problems, *find_scan_problems(run, fused.trajectory))
         trajectory = fused.trajectory.between(begin, end)
     return ProcessedRun(
-        name=name or run_name(path),
-        record=PassRecord(path=path, trajectory=trajectory, mounting=used),
+        name=name or run_name(run.file_name),
+        record=PassRecord(run=run, trajectory=trajectory, mounting=mounting.over(run.mounting)),
         motion=fused,
         settings=motion,
         problems=problems,
-        numbers=_run_numbers(tree, path, trajectory),
+        numbers=_run_numbers(run, trajectory),
     )
 
 
@@ -159,7 +156,7 @@ def georeference_run(
     """
     record = run.record
     blocks = georeference(
-        record.path,
+        record.run,
         record.trajectory,
         record.mounting,
         screening=screening,
@@ -233,15 +230,15 @@ def align_passes(
     return [replace(run, record=corrected[run.name], aligned=True) for run in runs], result
 
 
-def _run_numbers(tree: xr.DataTree, path: Path, trajectory: Trajectory) -> dict[str, Any]:
-    scans = tree["scans"]
+def _run_numbers(run: Run, trajectory: Trajectory) -> dict[str, Any]:
+    scans = run["scans"]
     time = np.asarray(scans["time"], dtype=np.float64)
     steps = np.diff(trajectory.position[:, :2], axis=0)
     return {
-        "path": path.name,
+        "path": run.file_name,
         "scans": int(scans.sizes["scan"]),
         "beams": int(scans.sizes["beam"]),
         "seconds": float(np.nanmax(time) - np.nanmin(time)),
         "driven": float(np.hypot(*steps.T).sum()),
-        "origin": [float(part) for part in tree.attrs["origin"]],
+        "origin": list(run.origin),
     }

@@ -97,7 +97,7 @@ def build_surface(
         step,
         parameters={
             **(parameters or {}),
-            "runs": [one.path.name for one in passes],
+            "runs": [one.run.file_name for one in passes],
             "motion": motions[0] if all(one == motions[0] for one in motions) else motions,
             "mounting": [one.mounting for one in passes],
             "holes": holes,

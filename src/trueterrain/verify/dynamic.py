@@ -16,7 +16,7 @@ import xarray as xr
 from trueterrain.core.errors import CoverageError, name_file_in_errors
 from trueterrain.formats.run import open_run
 from trueterrain.geometry.rotations import to_iso8855
-from trueterrain.georeference import Screening, georeference, mounting_of
+from trueterrain.georeference import Screening, georeference
 from trueterrain.motion.trajectory import Trajectory
 from trueterrain.verify.error_modes import ErrorMode, main_error_source, split_by_mode
 from trueterrain.verify.findings.common import describe_findings
@@ -230,9 +230,9 @@ def dynamic_test(
     ``floor`` the record covers the plate only, and frequencies below speed / length are not
     resolved.
     """
-    source = None if isinstance(run, xr.DataTree) else Path(run)
+    run = open_run(run)
     path = trajectory.between(settings.begin, settings.end)
-    with name_file_in_errors(source):
+    with name_file_in_errors(run.source):
         strip = select_strip(run, path, settings)
         # in long cells the mean over a curved flank is biased, which resembles a stretch
         cells = _cell_means(
@@ -261,11 +261,10 @@ def dynamic_test(
     parts = error_parts(error, errors["sd"].values, edge, np.zeros_like(edge))
     time, along = errors["time"].values, errors["along"].values
     speed = float(np.abs(np.polyfit(time - time.mean(), along - along.mean(), 1)[0]))
-    tree = run if isinstance(run, xr.DataTree) else open_run(run)
-    lever = np.array(mounting_of(tree, path=source).scanner_position)
-    rejection, modes = _crossing_spectra(source, table, path, lever, settings)
+    lever = np.array(run.mounting.scanner_position)
+    rejection, modes = _crossing_spectra(run.source, table, path, lever, settings)
     findings = dynamic_findings(
-        tree,
+        run,
         table,
         machined,
         found,

@@ -17,7 +17,6 @@ from trueterrain.georeference import (
     Calibration,
     CalibrationSettings,
     calibrate_mounting,
-    mounting_of,
 )
 from trueterrain.georeference.observability import format_parameter, survey_tolerance
 from trueterrain.motion import Trajectory
@@ -83,7 +82,7 @@ def clock_findings(run: xr.DataTree, *, accelerometer_delay: float = 0.0) -> lis
     ``[one.value for one in clock_findings(open_run("bounce.zarr"))]`` are the errors of both [s].
     """
     names = "clock of the accelerometers", "clock of the scanner"
-    declared = mounting_of(run)
+    declared = open_run(run).mounting
     clock, uncertainty, bound = declared.accelerometer_clock, 0.0, ""
     try:
         found = accelerometer_clock_from_navigation(run, accelerometer_delay=accelerometer_delay)
@@ -150,24 +149,20 @@ def boresight_findings(
     ``boresight_findings([there, back], [motion.trajectory for motion in (first, second)])`` has a
     finding for each angle, each component of the arm and the clock.
     """
-    paths = [None if isinstance(run, xr.DataTree) else Path(run) for run in runs]
-    named = [path for path in paths if path is not None]
-    if len(named) == len(runs):
-        require_one_frame(named)
-    stated = [
-        mounting_of(run if isinstance(run, xr.DataTree) else open_run(run), path=path)
-        for run, path in zip(runs, paths, strict=True)
-    ]
-    for path, other in zip(paths, stated, strict=True):
+    opened = [open_run(run) for run in runs]
+    if all(run.source for run in opened):
+        require_one_frame(opened)
+    stated = [run.mounting for run in opened]
+    for run, other in zip(opened, stated, strict=True):
         if replace(other, accelerometer_clock=stated[0].accelerometer_clock) != stated[0]:
             raise SchemaError(
                 "differs from that of the first run",
-                path=path,
+                path=run.source,
                 place="attribute mounting",
                 cure="Name runs of one mounting.",
             )
     try:
-        found = calibrate_mounting(runs, trajectories, settings=settings)
+        found = calibrate_mounting(opened, trajectories, settings=settings)
     except CoverageError as error:
         return [_unobservable_finding("mounting of the scanner", "1", _reason_text(error))]
     return [_mounting_finding(name, found, stated[0]) for name in settings.parameters]

@@ -11,8 +11,8 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError, name_file_in_errors
-from trueterrain.formats.run import open_run, scan_blocks
-from trueterrain.georeference import Screening, mounting_of
+from trueterrain.formats.run import Run, open_run, scan_blocks
+from trueterrain.georeference import Screening
 from trueterrain.verify.findings.common import describe_findings
 from trueterrain.verify.findings.finding import Finding
 from trueterrain.verify.findings.static import static_findings
@@ -184,15 +184,14 @@ def static_test(
     Screened errors are those of returns with good intensity; places whose beam has too few of them
     are left out.
     """
-    source = None if isinstance(run, xr.DataTree) else Path(run)
-    tree = run if isinstance(run, xr.DataTree) else open_run(run)
-    have = tree["scans"].sizes["scan"]
+    run = open_run(run)
+    have = run["scans"].sizes["scan"]
     wanted = have if settings.scans is None else settings.scans
     needed = max(settings.min_scans, settings.scans or 0)
     if have < needed:
         raise CoverageError(
             f"holds {have} scans, the static test needs {needed}",
-            path=source,
+            path=run.source,
             place="scans",
             cure="Record more scans, or reduce scans and min_scans.",
         )
@@ -200,14 +199,14 @@ def static_test(
     rows = [("static", Screening(nearest=screened.nearest, furthest=screened.furthest))]
     if screened.needs_intensity:
         rows.append(("static, screened", screened))
-    directions = _beam_directions(mounting_of(tree, path=source), np.asarray(tree["scans/angle"]))
+    directions = _beam_directions(run.mounting, np.asarray(run["scans/angle"]))
     sums = [_Sums(screening, screened) for _, screening in rows]
-    for block in _first_scans(tree, source, wanted):
+    for block in _first_scans(run, wanted):
         for one in sums:
             one.add(block)
-    with name_file_in_errors(source):
+    with name_file_in_errors(run.source):
         return [
-            _static_result(name, one, sums[0], directions, tree, machined, settings, wanted)
+            _static_result(name, one, sums[0], directions, run, machined, settings, wanted)
             for (name, _), one in zip(rows, sums, strict=True)
         ]
 
@@ -250,8 +249,8 @@ class _Sums:
         return self._base + mean, np.sqrt(np.maximum(variance, 0.0))
 
 
-def _first_scans(tree: xr.DataTree, source: Path | None, wanted: int) -> Iterator[xr.Dataset]:
-    for block in scan_blocks(tree if source is None else source):
+def _first_scans(run: Run, wanted: int) -> Iterator[xr.Dataset]:
+    for block in scan_blocks(run):
         left = wanted - block.attrs["first_scan"]
         if left <= 0:
             return

@@ -10,7 +10,7 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.statistics import MAD_TO_SD
-from trueterrain.formats.run import open_run
+from trueterrain.formats.run import Run, open_run
 from trueterrain.geometry.grid_frame import grid_frame
 from trueterrain.motion import Trajectory
 from trueterrain.surface.evaluate import heights_at
@@ -47,25 +47,25 @@ def true_ground(run: xr.DataTree) -> TrueHeight:
             place="group truth",
             cure="Compare with another surface.",
         )
-    surface = run["truth/ground"].to_dataset().load()
+    surface = run["truth/ground"].to_dataset().compute()
     return lambda easting, northing: heights_at(surface, easting, northing)
 
 
-def truth_of(path: str | Path) -> TrueHeight | None:
+def truth_of(run: Run | str | Path) -> TrueHeight | None:
     """True ground of a run, if it is simulated.
 
     Parameters
     ----------
-    path : str or Path
-        Store of the run.
+    run : Run or path
+        The run, or its store.
 
     Returns
     -------
     callable or None
         As by `true_ground`; None for real runs.
     """
-    tree = open_run(path)
-    return true_ground(tree) if "/truth/ground" in tree.groups else None
+    run = open_run(run)
+    return true_ground(run) if "/truth/ground" in run.groups else None
 
 
 def exact_trajectory(run: xr.DataTree | str | Path) -> Trajectory:
@@ -88,14 +88,14 @@ def exact_trajectory(run: xr.DataTree | str | Path) -> Trajectory:
     """
     from scipy.spatial.transform import Rotation
 
-    tree = run if isinstance(run, xr.DataTree) else open_run(run)
-    if "/truth/body" not in tree.groups:
+    run = open_run(run)
+    if "/truth/body" not in run.groups:
         raise CoverageError(
             "holds no true motion, since it was not simulated",
             place="group truth",
-            path=None if isinstance(run, xr.DataTree) else run,
+            path=run.source,
         )
-    body = tree["truth/body"].to_dataset().load()
+    body = run["truth/body"].to_dataset().compute()
     position, velocity = (
         np.stack([body[f"{name}{what}"].values for name in ("east", "north", "up")], axis=1)
         for what in ("", "_rate")

@@ -13,7 +13,7 @@ from trueterrain.alignment.observations.visit_sums import VisitSums, collect_cel
 from trueterrain.alignment.settings import CellSettings
 from trueterrain.core.errors import CoverageError, name_file_in_errors
 from trueterrain.formats.run import Mounting, open_run, scan_blocks
-from trueterrain.georeference import Screening, georeference, mounting_of
+from trueterrain.georeference import Screening, georeference
 from trueterrain.motion.trajectory import Trajectory
 
 Floats = npt.NDArray[np.float64]
@@ -108,11 +108,11 @@ def cells_of_run(
     FormatError
         If the run is damaged.
     """
-    tree = run if isinstance(run, xr.DataTree) else open_run(run)
-    mounting = mounting or mounting_of(tree)
-    stride = _scan_stride(tree, trajectory, settings)
+    run = open_run(run)
+    mounting = mounting or run.mounting
+    stride = _scan_stride(run, trajectory, settings)
     sums = VisitSums(settings)
-    with name_file_in_errors("the run" if isinstance(run, xr.DataTree) else run):
+    with name_file_in_errors(run.source or "the run"):
         thinned = (
             block.isel(scan=slice(-block.attrs["first_scan"] % stride, None, stride))
             for block in scan_blocks(run)

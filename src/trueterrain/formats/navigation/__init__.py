@@ -20,11 +20,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from trueterrain.core.schemas.navigation import check_navigation, make_navigation
     from trueterrain.formats.navigation.boreas import read as read_boreas
     from trueterrain.formats.navigation.columns import NavigationColumns
     from trueterrain.formats.navigation.columns import read as read_columns
     from trueterrain.formats.navigation.sbet import read as read_sbet
-    from trueterrain.formats.navigation.schema import check_navigation, make_navigation
     from trueterrain.formats.navigation.smrmsg import add_accuracy
     from trueterrain.formats.navigation.smrmsg import read as read_smrmsg
 
@@ -41,14 +41,14 @@ __all__ = [
 
 # module and name of each public object; modules are imported on first use, to keep imports fast
 _SOURCES = {
-    "NavigationColumns": ("columns", "NavigationColumns"),
-    "add_accuracy": ("smrmsg", "add_accuracy"),
-    "check_navigation": ("schema", "check_navigation"),
-    "make_navigation": ("schema", "make_navigation"),
-    "read_boreas": ("boreas", "read"),
-    "read_columns": ("columns", "read"),
-    "read_sbet": ("sbet", "read"),
-    "read_smrmsg": ("smrmsg", "read"),
+    "NavigationColumns": ("formats.navigation.columns", "NavigationColumns"),
+    "add_accuracy": ("formats.navigation.smrmsg", "add_accuracy"),
+    "check_navigation": ("core.schemas.navigation", "check_navigation"),
+    "make_navigation": ("core.schemas.navigation", "make_navigation"),
+    "read_boreas": ("formats.navigation.boreas", "read"),
+    "read_columns": ("formats.navigation.columns", "read"),
+    "read_sbet": ("formats.navigation.sbet", "read"),
+    "read_smrmsg": ("formats.navigation.smrmsg", "read"),
 }
 
 
@@ -58,4 +58,4 @@ def __getattr__(name: str) -> Any:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message)
     module, attribute = _SOURCES[name]
-    return getattr(importlib.import_module(f"{__name__}.{module}"), attribute)
+    return getattr(importlib.import_module(f"trueterrain.{module}"), attribute)

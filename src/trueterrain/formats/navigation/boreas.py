@@ -25,8 +25,8 @@ import xarray as xr
 
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
+from trueterrain.core.schemas.navigation import check_navigation, navigation_of
 from trueterrain.formats.navigation.records import Floats, IntervalStatistics
-from trueterrain.formats.navigation.schema import check_navigation, navigation_of
 from trueterrain.formats.navigation_signature import BOREAS_COLUMNS
 from trueterrain.formats.number_table import table_columns, table_whole
 from trueterrain.geometry.navigation_frames import YawUnwrapper

@@ -10,8 +10,8 @@ import xarray as xr
 
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError, SchemaError
+from trueterrain.core.schemas.navigation import EpochRules, check_length, navigation_of
 from trueterrain.formats.navigation.records import Floats, IntervalStatistics
-from trueterrain.formats.navigation.schema import EpochRules, check_length, navigation_of
 from trueterrain.formats.navigation_signature import TIME
 from trueterrain.formats.number_table import ROWS, table_blocks, table_columns
 from trueterrain.geometry.navigation_frames import (

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.core.errors import FormatError
-from trueterrain.formats.navigation.schema import TimeChecker
+from trueterrain.core.schemas.navigation import TimeChecker
 from trueterrain.formats.signature import open_regular
 
 Floats = npt.NDArray[np.float64]

@@ -22,6 +22,7 @@ import xarray as xr
 
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
+from trueterrain.core.schemas.navigation import EpochRules, check_length, navigation_of
 from trueterrain.formats._text_head import Head, find_head
 from trueterrain.formats.navigation import smrmsg
 from trueterrain.formats.navigation.records import (
@@ -33,7 +34,6 @@ from trueterrain.formats.navigation.records import (
     file_records,
     refuse_value,
 )
-from trueterrain.formats.navigation.schema import EpochRules, check_length, navigation_of
 from trueterrain.formats.navigation_signature import is_sbet_text
 from trueterrain.formats.number_table import table_blocks
 from trueterrain.formats.signature import open_regular

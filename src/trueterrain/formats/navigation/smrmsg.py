@@ -15,13 +15,13 @@ import xarray as xr
 
 from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas.navigation import ACCURACY, NAVIGATION
 from trueterrain.formats.navigation.records import (
     IntervalStatistics,
     WeekUnwrapper,
     file_records,
     refuse_value,
 )
-from trueterrain.formats.navigation.schema import ACCURACY, NAVIGATION
 
 FIELDS = 10
 

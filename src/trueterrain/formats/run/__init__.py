@@ -21,13 +21,16 @@ required arrays: a run that lacks an array or a chunk is not opened, and a damag
 when it is read. Runs of earlier versions have neither checksums nor list; they are opened if no
 chunk is missing.
 
-`RunWriter` writes a run block by block, `open_run` opens it lazily, `scan_blocks` reads its scans,
-`check_run` checks it, `import_run` converts flat files to a run.
+`RunWriter` writes a run block by block. `open_run` opens it lazily, once: all stages take the `Run`
+that it returns. `scan_blocks` reads its scans, `check_run` checks it, `import_run` converts flat
+files to a run.
 """
 
+from trueterrain.core.schemas.run import Mounting
 from trueterrain.formats._zarr import StoredArray
 from trueterrain.formats.run._copy import write
 from trueterrain.formats.run._describe import describe
+from trueterrain.formats.run._handle import Run
 from trueterrain.formats.run._import import (
     AccelerometerTable,
     NavigationFiles,
@@ -36,7 +39,6 @@ from trueterrain.formats.run._import import (
     import_run,
 )
 from trueterrain.formats.run._open import open_run, scan_blocks
-from trueterrain.formats.run._schema import Mounting
 from trueterrain.formats.run._write import RunWriter
 from trueterrain.formats.run.rules import check_run
 
@@ -44,6 +46,7 @@ __all__ = [
     "AccelerometerTable",
     "Mounting",
     "NavigationFiles",
+    "Run",
     "RunFiles",
     "RunWriter",
     "ScanTable",

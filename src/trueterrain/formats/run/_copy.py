@@ -6,8 +6,8 @@ from pathlib import Path
 import xarray as xr
 
 from trueterrain.core import Progress, no_progress
+from trueterrain.core.schemas.run import QUANTUM, ROW_CHUNK, Mounting
 from trueterrain.formats.run._open import BLOCK, scan_blocks
-from trueterrain.formats.run._schema import QUANTUM, ROW_CHUNK, Mounting
 from trueterrain.formats.run._write import RunWriter
 from trueterrain.formats.run.rules import check_run, group_of
 

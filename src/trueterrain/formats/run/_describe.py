@@ -10,10 +10,11 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import SchemaError, TrueTerrainError
-from trueterrain.formats._zarr import find_damaged_chunks, open_arrays
+from trueterrain.core.schemas.run import QUANTUM, Mounting
+from trueterrain.formats._zarr import find_damaged_chunks
 from trueterrain.formats.navigation.records import IntervalStatistics
-from trueterrain.formats.run._open import open_tree, scan_blocks
-from trueterrain.formats.run._schema import QUANTUM, Mounting
+from trueterrain.formats.run._handle import open_unchecked
+from trueterrain.formats.run._open import scan_blocks
 from trueterrain.formats.run.rules import group_of, row_blocks, rules_of, span_of
 
 Floats = npt.NDArray[np.float64]
@@ -52,7 +53,7 @@ def describe(path: str | Path) -> dict[str, Any]:
         If it is not a Zarr store, or too damaged to be described.
     """
     path = Path(path)
-    tree = open_tree(path)
+    tree = open_unchecked(path)
     problems = problems_of(tree, path)
     summary: dict[str, Any] = {"format": "Run", "kind": "run"}
     for name in ("name", "origin", "time_reference", "mounting"):
@@ -78,8 +79,9 @@ def describe(path: str | Path) -> dict[str, Any]:
     summary["clock_order"] = _clock_order(tree, summary)
     summary["truth"] = sorted(tree.children["truth"].children) if "truth" in tree.children else []
     # all other groups have been read above
-    arrays = open_arrays(path)
-    problems += find_damaged_chunks(arrays[name] for name in arrays if name.startswith("truth/"))
+    problems += find_damaged_chunks(
+        array for name, array in tree.stored.items() if name.startswith("truth/")
+    )
     summary["problems"] = list(dict.fromkeys([*problems, *flags]))
     return summary
 

@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.core.schemas.run import Mounting
 from trueterrain.formats.navigation.columns import NavigationColumns
-from trueterrain.formats.run._schema import Mounting
 
 Floats = npt.NDArray[np.float64]
 

@@ -4,25 +4,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import xarray as xr
-from xarray.core import indexing
 
-from trueterrain.core.errors import FormatError
-from trueterrain.formats._zarr import (
-    ARRAYS,
-    StoredArray,
-    damaged_error,
-    find_groups,
-    open_arrays,
-    read_group_attrs,
-    require_whole,
-)
+from trueterrain.formats.run._handle import Run, make_run, open_unchecked
 from trueterrain.formats.run.rules import check_layout, group_of
 
 #: Scans in a block by default.
 BLOCK = 2000
 
 
-def open_run(path: str | Path) -> xr.DataTree:
+def open_run(run: str | Path | xr.DataTree) -> Run:
     """Open a run lazily; values are read on access, chunk by chunk.
 
     Attributes, groups, variables, dimensions and units are checked, and that no chunk is missing.
@@ -30,14 +20,15 @@ def open_run(path: str | Path) -> xr.DataTree:
 
     Parameters
     ----------
-    path : str or Path
-        Folder ``NAME.zarr``.
+    run : str, Path or xarray.DataTree
+        Folder ``NAME.zarr``. A run that is open already is returned as it is, so that each stage
+        takes either; a tree in memory becomes a run without a store, unchecked.
 
     Returns
     -------
-    xarray.DataTree
-        Groups ``scans``, ``navigation`` and, where recorded, ``accelerometers`` and ``truth``.
-        Ranges are float64 [m], NaN where there was no return.
+    Run
+        An `xarray.DataTree` with the groups ``scans``, ``navigation`` and, where recorded,
+        ``accelerometers`` and ``truth``. Ranges are float64 [m], NaN where there was no return.
 
     Raises
     ------
@@ -46,47 +37,12 @@ def open_run(path: str | Path) -> xr.DataTree:
     SchemaError
         If it is not a run.
     """
-    arrays = _open_store(Path(path))
-    tree = check_layout(_make_tree(Path(path), arrays), path)
-    require_whole(Path(path), arrays)
-    return tree
-
-
-def open_tree(path: str | Path) -> xr.DataTree:
-    """Open a store as a tree; neither that it is a run nor that it is complete is checked."""
-    return _make_tree(Path(path), _open_store(Path(path)))
-
-
-def _open_store(path: Path) -> dict[str, StoredArray]:
-    """Open the arrays of a store."""
-    if not path.exists():
-        message = f"there is no run {path}"
-        raise FileNotFoundError(message)
-    if not (path / "zarr.json").is_file():
-        raise FormatError(
-            "is not a Zarr 3 store: it holds no zarr.json",
-            path=path,
-            cure="Name the folder NAME.zarr of a run, or copy the whole folder again.",
-        )
-    return open_arrays(path)
-
-
-def _make_tree(path: Path, arrays: dict[str, StoredArray]) -> xr.DataTree:
-    groups = {"": xr.Dataset(attrs=read_group_attrs(path))}
-    groups |= {name: xr.Dataset(attrs=read_group_attrs(path, name)) for name in find_groups(path)}
-    variables: dict[str, dict[str, xr.Variable]] = {name: {} for name in groups}
-    groups[""].attrs.pop(ARRAYS, None)
-    for name, array in arrays.items():
-        group, _, short = name.rpartition("/")
-        lazy = indexing.LazilyIndexedArray(array)
-        variables[group][short] = xr.Variable(array.dims, lazy, array.attrs)
-    for name, attrs in groups.items():
-        try:
-            data = xr.Dataset(variables[name], attrs=attrs.attrs)
-            groups[name] = xr.decode_cf(data, decode_times=False, decode_timedelta=False)
-        except (ValueError, TypeError) as error:
-            raise damaged_error(path, f"group {name}", error) from None
-    return xr.DataTree.from_dict({name or "/": data for name, data in groups.items()})
+    if isinstance(run, xr.DataTree):
+        return run if isinstance(run, Run) else make_run(run)
+    opened = open_unchecked(run)
+    check_layout(opened, run)
+    opened.require_chunks()
+    return opened
 
 
 def scan_blocks(run: xr.DataTree | str | Path, size: int = BLOCK) -> Iterator[xr.Dataset]:
@@ -115,8 +71,7 @@ def scan_blocks(run: xr.DataTree | str | Path, size: int = BLOCK) -> Iterator[xr
     if size < 1:
         message = f"size must be at least 1 scan, got {size}."
         raise ValueError(message)
-    tree = run if isinstance(run, xr.DataTree) else open_run(run)
-    scans = group_of(tree, "scans")
+    scans = group_of(open_run(run), "scans")
     for start in range(0, scans.sizes["scan"], size):
         block = scans.isel(scan=slice(start, start + size)).load()
         yield block.assign_attrs(first_scan=start)

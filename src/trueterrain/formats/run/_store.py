@@ -8,17 +8,16 @@ import numpy as np
 import numpy.typing as npt
 import zarr
 
-from trueterrain.core import Checksums
+from trueterrain.core.schemas.run import ROW_CHUNK
 from trueterrain.formats._zarr import ARRAYS
-from trueterrain.formats._zarr_write import create_array, json_attrs, make_compressors
-from trueterrain.formats.run._schema import ROW_CHUNK
+from trueterrain.formats._zarr_write import StoreWriter, json_attrs
 
 _CHUNK_VALUES = 1_000_000  # largest number of values in a chunk of several dimensions
 
 Array = npt.NDArray[Any]
 
 
-class AppendableStore:
+class AppendableStore(StoreWriter):
     """Zarr store with arrays that grow along their first dimension.
 
     Rows are buffered until they fill a chunk: so memory stays flat, each chunk is written once, and
@@ -26,11 +25,10 @@ class AppendableStore:
     """
 
     def __init__(self, path: Path, attrs: Mapping[str, Any]) -> None:
-        self._root = zarr.create_group(path, zarr_format=3, attributes=dict(attrs))
+        # a fast level; bitshuffle, since neighbouring ranges differ in few of their low bits
+        super().__init__(path, attrs, level=1, shuffle="bitshuffle")
         self._rows: dict[str, _RowBuffer] = {}
         self._needed: list[str] = []
-        self._arrays: list[zarr.Array[Any]] = []
-        self._written = Checksums()
 
     def names(self, group: str) -> set[str]:
         """Names of the growing arrays of a group."""
@@ -39,7 +37,7 @@ class AppendableStore:
 
     def set_attrs(self, group: str, attrs: Mapping[Any, Any]) -> None:
         """Attributes of a group."""
-        self._root.require_group(group).attrs.update(json_attrs(attrs))
+        self.root.require_group(group).attrs.update(json_attrs(attrs))
 
     def write(
         self, path: str, values: Array, dims: Sequence[Any], attrs: Mapping[Any, Any]
@@ -47,8 +45,7 @@ class AppendableStore:
         """Write an array at once."""
         chunk = max(1, min(values.shape[0], _rows_of(values.shape))) if values.ndim else 1
         array = self._create(path, values.shape, chunk, values.dtype, dims, attrs)
-        array[...] = values
-        self._written.add(array.path, values)
+        self.write_part(array, ..., values)
 
     def grow(
         self,
@@ -64,25 +61,18 @@ class AppendableStore:
         chunk = chunk or _rows_of(like.shape)
         shape = (0, *like.shape[1:])
         array = self._create(path, shape, chunk, like.dtype, dims, attrs, fill)
-        self._rows[path] = _RowBuffer(array, self._written)
+        self._rows[path] = _RowBuffer(self, array)
 
     def append(self, path: str, rows: Array) -> None:
         """Append rows to an array."""
         self._rows[path].append(rows)
 
     def close(self, path: Path) -> None:
-        """Write the buffered rows, and read all back; errors name `path`, that of the output."""
+        """Write the buffered rows; errors name `path`, that of the output."""
         for rows in self._rows.values():
             rows.close()
-        self._root.attrs[ARRAYS] = sorted(self._needed)
-        found = Checksums()
-        for array in self._arrays:
-            if array.ndim == 0:
-                found.add(array.path, array[...])
-                continue
-            for start in range(0, array.shape[0], array.chunks[0]):
-                found.add(array.path, array[start : start + array.chunks[0]])
-        found.require_same(self._written, path)
+        self.root.attrs[ARRAYS] = sorted(self._needed)
+        self.require_same(path)
 
     def _create(
         self,
@@ -100,32 +90,26 @@ class AppendableStore:
         if not path.startswith("truth/"):  # the truth may be removed from a run
             self._needed.append(path)
         chunks = (chunk, *(max(1, n) for n in shape[1:])) if shape else ()
-        array = create_array(
-            self._root,
+        return self.create_array(
             path,
             shape=shape,
             chunks=chunks,
             dtype=dtype,
-            fill=fill,
-            # a fast level; bitshuffle, since neighbouring ranges differ in few of their low bits
-            compressors=make_compressors(1, "bitshuffle"),
             dims=dims,
             attrs=json_attrs(attrs),
+            fill=fill,
         )
-        self._arrays.append(array)
-        return array
 
 
 class _RowBuffer:
     """Buffer of the rows of an array, written in whole chunks."""
 
-    def __init__(self, array: zarr.Array[Any], written: Checksums) -> None:
-        self._array = array
+    def __init__(self, store: StoreWriter, array: zarr.Array[Any]) -> None:
+        self._store, self._array = store, array
         self._chunk = array.chunks[0]
         self._waiting = np.empty((self._chunk, *array.shape[1:]), dtype=array.dtype)
         self._filled = 0
         self._written = 0
-        self._checksums = written
 
     def append(self, values: Array) -> None:
         """Append rows; whole chunks are written, the rest is buffered."""
@@ -151,9 +135,8 @@ class _RowBuffer:
     def _write(self, rows: Array) -> None:
         end = self._written + len(rows)
         self._array.resize((end, *self._array.shape[1:]))
-        self._array[self._written : end] = rows
+        self._store.write_part(self._array, slice(self._written, end), rows)
         self._written = end
-        self._checksums.add(self._array.path, np.asarray(rows, dtype=self._array.dtype))
 
 
 def _rows_of(shape: tuple[int, ...]) -> int:

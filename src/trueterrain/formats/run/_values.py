@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.core.errors import SchemaError
-from trueterrain.formats.run._schema import QUANTUM
+from trueterrain.core.schemas.run import QUANTUM
 
 Array = npt.NDArray[Any]
 Floats = npt.NDArray[np.float64]

@@ -12,15 +12,14 @@ import xarray as xr
 
 from trueterrain.core import require_writable, whole_store
 from trueterrain.core.errors import FormatError, SchemaError
-from trueterrain.formats.navigation.schema import (
+from trueterrain.core.schemas.navigation import (
     NAVIGATION,
     EpochRules,
     TimeChecker,
     check_structure,
     navigation_of,
 )
-from trueterrain.formats.run._open import open_tree
-from trueterrain.formats.run._schema import (
+from trueterrain.core.schemas.run import (
     GROUPS,
     KIND,
     QUANTUM,
@@ -31,6 +30,7 @@ from trueterrain.formats.run._schema import (
     TIME_REFERENCES,
     Mounting,
 )
+from trueterrain.formats.run._handle import open_unchecked
 from trueterrain.formats.run._store import AppendableStore
 from trueterrain.formats.run._values import (
     fan_of,
@@ -378,7 +378,7 @@ class RunWriter:
     def _check(self) -> None:
         assert self._temporary is not None
         try:
-            check_run(open_tree(self._temporary), self._temporary)
+            check_run(open_unchecked(self._temporary), self._temporary)
         except (SchemaError, FormatError) as error:
             # errors name the output, not the temporary name
             raise type(error)(

@@ -8,16 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.core.errors import SchemaError
-from trueterrain.formats._suggestions import suggest_name
-from trueterrain.formats._zarr import open_arrays, require_whole
-from trueterrain.formats.navigation.schema import (
+from trueterrain.core.errors import SchemaError, suggest_name
+from trueterrain.core.schemas.navigation import (
     TimeChecker,
     check_length,
     check_navigation,
     check_structure,
 )
-from trueterrain.formats.run._schema import (
+from trueterrain.core.schemas.run import (
     ACCELEROMETERS,
     GROUPS,
     KIND,
@@ -26,6 +24,7 @@ from trueterrain.formats.run._schema import (
     TIME_REFERENCES,
     Mounting,
 )
+from trueterrain.formats.run._handle import Run
 from trueterrain.geometry.navigation_frames import check_origin
 
 Floats = npt.NDArray[np.float64]
@@ -46,7 +45,7 @@ def check_run(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTree:
     tree : xarray.DataTree
         Tree to check.
     path : str or Path, optional
-        Store of the tree: for the message, and to check for missing chunks.
+        Store of the tree, for the message.
 
     Returns
     -------
@@ -118,7 +117,8 @@ def _check_types(data: xr.Dataset, path: str | Path | None, place: str) -> None:
 def rules_of(tree: xr.DataTree, path: str | Path | None) -> Iterator[Callable[[], Any]]:
     """Yield the rules in order; if the first (the layout) holds, each can be checked by itself."""
     yield lambda: check_layout(tree, path)
-    yield lambda: check_chunks(path)
+    if isinstance(tree, Run):
+        yield tree.require_chunks
     yield lambda: check_scans(tree, path)
     yield lambda: check_navigation(group_of(tree, "navigation"), path=path, place="navigation")
     yield lambda: check_coverage(tree, path)
@@ -179,12 +179,6 @@ def check_groups(tree: xr.DataTree, path: str | Path | None) -> None:
                 place=f"group {name}",
                 cure="Record or import it again.",
             )
-
-
-def check_chunks(path: str | Path | None) -> None:
-    """Check that no array or chunk is missing: other programs would read zeros."""
-    if path is not None and Path(path).is_dir():
-        require_whole(Path(path), open_arrays(Path(path)))
 
 
 def check_scans(tree: xr.DataTree, path: str | Path | None) -> None:

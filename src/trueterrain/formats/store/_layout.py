@@ -13,12 +13,12 @@ import zarr
 
 from trueterrain.core.errors import FormatError, SchemaError
 from trueterrain.core.schemas import SCHEMA
-from trueterrain.formats import _zarr_write
 from trueterrain.formats._zarr import (
     StoredArray,
     damaged_error,
     read_group_attrs,
 )
+from trueterrain.formats._zarr_write import StoreWriter, json_attrs
 from trueterrain.formats.signature import kind_of_store
 
 CHUNK = 250_000  # values in a chunk; blocks of a million points consist of whole chunks
@@ -125,13 +125,14 @@ def rows_of(kind: str, dims: Mapping[Any, Any] | tuple[Any, ...]) -> str:
     return {"points": "point", "profile": "s"}[kind]
 
 
-def create_group(path: Path, attrs: Mapping[Any, Any]) -> zarr.Group:
-    """Create the group of a store with the attributes of a dataset."""
-    return zarr.create_group(path, zarr_format=3, attributes=plain_attrs(attrs, "the dataset"))
+def create_store(path: Path, attrs: Mapping[Any, Any]) -> StoreWriter:
+    """Create a store with the attributes of a dataset."""
+    # shuffling the bytes by their significance halves the size and costs no time
+    return StoreWriter(path, plain_attrs(attrs, "the dataset"), level=3, shuffle="shuffle")
 
 
 def create_array(
-    root: zarr.Group,
+    store: StoreWriter,
     name: str,
     *,
     dims: tuple[Any, ...],
@@ -149,15 +150,11 @@ def create_array(
     chunks = tuple(
         along if dim == rows else max(1, length) for dim, length in zip(dims, shape, strict=True)
     )
-    return _zarr_write.create_array(
-        root,
+    return store.create_array(
         name,
         shape=shape,
         chunks=chunks,
         dtype=dtype,
-        fill=None,
-        # shuffling the bytes by their significance halves the size and costs no time
-        compressors=_zarr_write.make_compressors(3, "shuffle"),
         dims=dims,
         attrs=plain_attrs(attrs, f"variable {name}"),
     )
@@ -178,18 +175,18 @@ def as_numbers(variable: xr.Variable) -> tuple[Any, dict[Any, Any]]:
 def plain_attrs(attrs: Mapping[Any, Any], place: str) -> dict[str, Any]:
     """Attributes as JSON holds them; a SchemaError names a type that JSON cannot hold."""
     try:
-        return _zarr_write.json_attrs(attrs, _refuse_attribute)
+        return json_attrs(attrs, _refuse_attribute)
     except TypeError as error:
         cure = "Keep numbers, texts, lists and tables of them only."
         raise SchemaError(f"attributes: {error}", place=place, cure=cure) from None
 
 
 def write_summary(
-    root: zarr.Group, entries: list[ArrayEntry], statistics: Mapping[str, Any]
+    store: StoreWriter, entries: list[ArrayEntry], statistics: Mapping[str, Any]
 ) -> None:
     """Write the summary; it comes last, so that a store without it is incomplete."""
     summary = {"variables": [asdict(entry) for entry in entries], "statistics": dict(statistics)}
-    root.require_group(SUMMARY).attrs.update(plain_attrs(summary, SUMMARY))
+    store.root.require_group(SUMMARY).attrs.update(plain_attrs(summary, SUMMARY))
 
 
 def open_store(path: str | Path) -> OpenedStore:

@@ -8,9 +8,10 @@ import numpy as np
 import xarray as xr
 import zarr
 
-from trueterrain.core import Checksums, whole_store
+from trueterrain.core import whole_store
 from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.core.schemas import check_points, check_profile, check_surface, kind_of
+from trueterrain.formats._zarr_write import StoreWriter
 from trueterrain.formats.store._layout import (
     BOUNDS,
     CHUNK,
@@ -18,7 +19,7 @@ from trueterrain.formats.store._layout import (
     Values,
     as_numbers,
     create_array,
-    create_group,
+    create_store,
     plain_attrs,
     rows_of,
     write_summary,
@@ -85,30 +86,30 @@ def write(
 
 def _write_whole(data: xr.Dataset, kind: str, target: Path, path: Path) -> None:
     """Write a surface or profile variable by variable, some chunks at a time."""
-    root = create_group(target, data.attrs)
+    store = create_store(target, data.attrs)
     rows = rows_of(kind, data.sizes)
     statistics = SurfaceStatistics(data) if kind == "surface" else None
     entries = []
     for name, variable in data.variables.items():
         add = statistics.add if statistics is not None and name == "height" else None
-        array = _write_variable(root, str(name), variable, rows, add, path)
+        array = _write_variable(store, str(name), variable, rows, add)
         entries.append(
             _array_entry(str(name), array, variable.dims, coordinate=name in data.coords)
         )
-    write_summary(root, entries, {} if statistics is None else statistics.to_dict())
+    store.require_same(path)
+    write_summary(store, entries, {} if statistics is None else statistics.to_dict())
 
 
 def _write_variable(
-    root: zarr.Group,
+    store: StoreWriter,
     name: str,
     variable: xr.Variable,
     rows: str,
     add_values: Callable[[Values], None] | None,
-    path: Path,
 ) -> "zarr.Array[Any]":
     numbers, attrs = as_numbers(variable)
     array = create_array(
-        root,
+        store,
         name,
         dims=variable.dims,
         shape=variable.shape,
@@ -116,41 +117,31 @@ def _write_variable(
         attrs=attrs,
         rows=rows,
     )
-    written, found = Checksums(), Checksums()
     if rows not in variable.dims:
-        values = np.asarray(numbers.values)
-        array[...] = values
-        written.add(name, values)
-        found.add(name, array[...])
-        found.require_same(written, path)
+        store.write_part(array, ..., np.asarray(numbers.values))
         return array
     axis = variable.dims.index(rows)
     step = _AT_ONCE * array.chunks[axis]
     for start in range(0, variable.shape[axis], step):
         part = slice(start, start + step)
         values = np.asarray(numbers.isel({rows: part}).values)
-        place = (*[slice(None)] * axis, part)
-        array[place] = values
-        written.add(name, values)
-        found.add(name, array[place])
+        store.write_part(array, (*[slice(None)] * axis, part), values)
         if add_values is not None:
             add_values(values)
-    found.require_same(written, path)
     return array
 
 
 def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> None:
     layout = _BlockLayout(path)
     statistics = PointStatistics()
-    root: zarr.Group | None = None
+    store: StoreWriter | None = None
     arrays: dict[str, zarr.Array[Any]] = {}
-    written, found = Checksums(), Checksums()
     for columns in _whole_chunks(map(layout.columns, blocks)):
-        if root is None:
-            root = create_group(target, layout.attrs)
+        if store is None:
+            store = create_store(target, layout.attrs)
             arrays = {
                 name: create_array(
-                    root,
+                    store,
                     name,
                     dims=("point",),
                     shape=(0,),
@@ -164,28 +155,27 @@ def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> Non
         statistics.add(columns)
         for name, array in arrays.items():
             array.resize((statistics.count,))
-            array[start : statistics.count] = columns[name]
-            written.add(name, columns[name])
-            found.add(name, array[start : statistics.count])
-    if root is None:
+            store.write_part(array, slice(start, statistics.count), columns[name])
+    if store is None:
         raise CoverageError("there are no points to write", path=path)
-    found.require_same(written, path)
-    root.attrs.put(plain_attrs(layout.attrs, "the dataset"))
+    store.root.attrs.put(plain_attrs(layout.attrs, "the dataset"))
     bounds = statistics.bounds()
-    create_array(
-        root,
+    edges = create_array(
+        store,
         BOUNDS,
         dims=("chunk", "edge"),
         shape=bounds.shape,
         dtype=bounds.dtype,
         attrs={"edges": "west, south, east, north", "units": "m"},
         rows="chunk",
-    )[...] = bounds
+    )
+    store.write_part(edges, ..., bounds)
+    store.require_same(path)
     entries = [
         _array_entry(name, array, ("point",), coordinate=name in layout.coordinates)
         for name, array in arrays.items()
     ]
-    write_summary(root, entries, statistics.to_dict())
+    write_summary(store, entries, statistics.to_dict())
 
 
 class _BlockLayout:

@@ -19,8 +19,7 @@ commands that rate profiles warn of this assumption.
 Text keeps numbers to the last bit, but neither CRS nor provenance; Parquet keeps these, too.
 """
 
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,14 +29,18 @@ import xarray as xr
 
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
-from trueterrain.core.schemas import ASSUMED, COORDINATES
+from trueterrain.core.schemas import ASSUMED, COORDINATES, EXTRA
 from trueterrain.formats._bounds import Bounds, clip_points
-from trueterrain.formats.signature import open_regular
+from trueterrain.formats._table_file import ColumnRule, TextTable, open_table
 from trueterrain.formats.table._build import build_points, build_profile
-from trueterrain.formats.table._columns import TableColumn, TableLayout
-from trueterrain.formats.table._parquet import open_parquet, parquet_blocks
-from trueterrain.formats.table._text import Values, line_of_row, open_text, text_blocks
-from trueterrain.formats.table._write import write
+from trueterrain.formats.table._columns import (
+    TableColumn,
+    Values,
+    layout_of,
+    layout_without_header,
+    names_columns,
+)
+from trueterrain.formats.table._write import bare_texts, write
 from trueterrain.formats.table.description import describe_points, describe_profile
 
 __all__ = ["blocks", "describe", "kind", "point_variables", "read", "read_waypoints", "write"]
@@ -65,7 +68,7 @@ def read(path: str | Path) -> xr.Dataset:
         Naming line and column: a cell that is not a number, a missing value of a required column,
         s that does not ascend, a missing column, a wrong number of fields.
     """
-    source = _open_table(Path(path))
+    source = _TableSource(Path(path))
     data = _read_whole(source).assign_attrs(source.attrs)
     if source.assumed:
         data = data.assign_attrs({ASSUMED: _assumed_text(source, data)})
@@ -144,7 +147,7 @@ def point_variables(path: str | Path) -> tuple[str, ...]:
 
 
 def _open_points(path: str | Path) -> "_TableSource":
-    source = _open_table(Path(path))
+    source = _TableSource(Path(path))
     if source.layout.kind != "points":
         raise FormatError(
             f"holds a {source.layout.kind}, not points",
@@ -184,7 +187,7 @@ def read_waypoints(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArr
     ...     read_waypoints(path)[1]
     array([0.   , 3.048])
     """
-    source = _open_table(Path(path), kind="path")
+    source = _TableSource(Path(path), kind="path")
     named = {column.name: array for column, array in _concatenate_blocks(source).items()}
     easting, northing = named["easting"].astype(float), named["northing"].astype(float)
     if np.ptp(easting) == np.ptp(northing) == 0:
@@ -214,7 +217,7 @@ def kind(path: str | Path) -> str:
     FormatError
         If columns are missing or the file is damaged.
     """
-    return _open_table(Path(path)).layout.kind
+    return _TableSource(Path(path)).layout.kind
 
 
 def describe(path: str | Path) -> dict[str, Any]:
@@ -236,7 +239,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     FormatError
         As by `read`.
     """
-    source = _open_table(Path(path))
+    source = _TableSource(Path(path))
     summary: dict[str, Any] = {"format": source.format, "kind": source.layout.kind}
     summary["columns"] = [column.label for column in source.layout.columns]
     profile = None
@@ -256,43 +259,42 @@ def describe(path: str | Path) -> dict[str, Any]:
     return summary
 
 
-@dataclass(frozen=True, kw_only=True)
 class _TableSource:
-    """An open table, in text or Parquet, with one function to read its blocks."""
+    """An open table of points, a profile or a path, and the meaning of its columns."""
 
-    path: Path
-    format: str
-    layout: TableLayout
-    attrs: dict[str, Any]
-    assumed: bool  # whether columns and units are assumed, since the file names none
-    blocks: Callable[[int | None], Iterator[Values]]
-    place: Callable[[int], str]  # place of a row in the file, for messages
+    def __init__(self, path: Path, *, kind: str | None = None) -> None:
+        self.table = open_table(path, names_columns)
+        self.path, self.format, self.attrs = path, self.table.format, self.table.attrs
+        labels = list(self.table.labels)
+        # without names, columns and units are assumed
+        self.assumed = not self.table.named
+        if self.assumed:
+            self.layout = layout_without_header(len(labels), path, kind=kind)
+        else:
+            self.layout = layout_of(labels, path, kind=kind)
+        if isinstance(self.table, TextTable):
+            self.table.check_last_line()
 
+    def blocks(self, size: int | None) -> Iterator[Values]:
+        """Yield the columns in SI units, `size` rows at a time; every row is checked."""
+        columns = {column.index: column for column in self.layout.columns}
+        rules = {index: self._rule(column) for index, column in columns.items()}
+        for block in self.table.blocks(rules, size):
+            yield {column: self._in_si(column, block[index]) for index, column in columns.items()}
 
-def _open_table(path: Path, *, kind: str | None = None) -> _TableSource:
-    with open_regular(path) as stream:
-        is_parquet = stream.read(4) == b"PAR1"
-    if is_parquet:
-        file, layout, attrs = open_parquet(path, kind=kind)
-        return _TableSource(
-            path=path,
-            format="Parquet",
-            layout=layout,
-            attrs=attrs,
-            assumed=False,
-            blocks=lambda size: parquet_blocks(path, file, layout, size),
-            place=lambda row: f"row {row + 1}",
+    def _in_si(self, column: TableColumn, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        if column.name != "track":
+            return values if column.scale == 1.0 else values * column.scale
+        return bare_texts(values.astype(str)) if self.format == "CSV" else values
+
+    def _rule(self, column: TableColumn) -> ColumnRule:
+        return ColumnRule(
+            label=column.label,
+            is_text=column.name == "track",
+            accepts="finite" if self.layout.must_be_finite(column) else "gaps",
+            # extra bytes keep their type, since float64 does not hold 64-bit integers
+            keep_type=column.label.startswith(EXTRA),
         )
-    table = open_text(path, kind=kind)
-    return _TableSource(
-        path=path,
-        format="CSV",
-        layout=table.layout,
-        attrs={},
-        assumed=not table.named,
-        blocks=lambda size: text_blocks(table, size),
-        place=lambda row: f"line {line_of_row(table.rows, row)}",
-    )
 
 
 def _assumed_text(source: _TableSource, data: xr.Dataset | None) -> str:
@@ -320,7 +322,7 @@ def _read_whole(source: _TableSource) -> xr.Dataset:
     values = _concatenate_blocks(source)
     if source.layout.kind == "points":
         return build_points(values)
-    return build_profile(values, source.layout, source.path, source.place)
+    return build_profile(values, source.layout, source.path, source.table.place)
 
 
 def _concatenate_blocks(source: _TableSource) -> dict[TableColumn, Any]:

@@ -10,8 +10,7 @@ import xarray as xr
 
 from trueterrain.core.errors import FormatError
 from trueterrain.core.schemas import RETURN_ATTRIBUTES, make_points, make_profile
-from trueterrain.formats.table._columns import TableLayout
-from trueterrain.formats.table._text import Values
+from trueterrain.formats.table._columns import TableLayout, Values
 
 _WHOLE_NUMBERS = (
     "lane",

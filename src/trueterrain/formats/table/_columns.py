@@ -5,6 +5,9 @@ import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
 
 from trueterrain.core.errors import FormatError
 from trueterrain.core.schemas import COORDINATES, EXTRA, RETURN_ATTRIBUTES
@@ -93,6 +96,10 @@ class TableColumn:
     def key(self) -> tuple[str, str | None]:
         """Name and track: the key of the column."""
         return self.name, self.track
+
+
+#: Values of some columns.
+Values = dict[TableColumn, npt.NDArray[Any]]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,7 @@
 """Write points and profiles as tables."""
 
+import json
+import re
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from itertools import chain
@@ -7,10 +9,11 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from trueterrain.core import Checksums, whole_output
+from trueterrain.core import Checksums, not_whole, whole_output
 from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.core.schemas import (
     COORDINATES,
@@ -20,8 +23,7 @@ from trueterrain.core.schemas import (
     check_profile,
     kind_of,
 )
-from trueterrain.formats.table._cells import guard_text
-from trueterrain.formats.table._parquet import ParquetWriter
+from trueterrain.formats._table_file import METADATA, import_pyarrow
 
 _POINTS = (
     *COORDINATES,
@@ -41,6 +43,10 @@ _ATTRS = (  # kept in Parquet
     "coordinate_offset",
 )
 _ROWS = 1_000_000  # rows that are written at a time
+
+# a spreadsheet runs a cell that begins so as a formula; an apostrophe before it makes it text
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 def write(
@@ -104,6 +110,24 @@ def write(
         writer.require_same(path)
 
 
+def guard_text(text: str) -> str:
+    """Text of a cell: an apostrophe is put before a text that would be a formula.
+
+    Examples
+    --------
+    >>> guard_text("=1+2"), guard_text("-0.75"), guard_text("left")
+    ("'=1+2", '-0.75', 'left')
+    """
+    return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text
+
+
+def bare_texts(cells: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
+    """Texts without the apostrophe of `guard_text`."""
+    names, place = np.unique(cells, return_inverse=True)
+    bare = [name[1:] if name[:1] == "'" and _FORMULA.match(name) else name for name in names]
+    return np.array(bare, dtype=np.str_)[place]
+
+
 class _CsvWriter:
     def __init__(self, temporary: Path) -> None:
         self._path = temporary
@@ -132,11 +156,60 @@ class _CsvWriter:
         found.require_same(self._written, path)
 
 
+class _ParquetWriter:
+    """Writer of one row group per block of columns; a context manager."""
+
+    def __init__(self, temporary: Path, metadata: dict[str, Any]) -> None:
+        self._pa, self._pq = import_pyarrow(temporary)
+        self._path = temporary
+        self._metadata = {METADATA: json.dumps(metadata).encode()}
+        self._writer: Any = None
+        self._written = Checksums()
+
+    def __enter__(self) -> "_ParquetWriter":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._writer is not None:
+            self._writer.close()
+
+    def add(self, columns: dict[str, Any]) -> None:
+        """Append rows."""
+        table = self._pa.table({name: self._pa.array(c) for name, c in columns.items()})
+        if self._writer is None:
+            schema = table.schema.with_metadata(self._metadata)
+            self._writer = self._pq.ParquetWriter(self._path, schema)
+        table = table.cast(self._writer.schema)
+        self._writer.write_table(table)
+        for batch in table.to_batches():
+            _add_columns(self._written, batch)
+
+    def require_same(self, path: Path) -> None:
+        """Read the file back; raise if it differs from what was written."""
+        found = Checksums()
+        try:
+            with self._pq.ParquetFile(self._path) as file:
+                for batch in file.iter_batches():
+                    _add_columns(found, batch)
+        except (self._pa.ArrowException, OSError) as error:
+            raise not_whole(path, str(error)) from error
+        found.require_same(self._written, path)
+
+
+def _add_columns(checksums: Checksums, batch: Any) -> None:
+    for name in batch.schema.names:
+        values = batch.column(name).to_numpy(zero_copy_only=False)
+        if values.dtype == object:  # text
+            checksums.add(name, "".join(f"{text}\n" for text in values).encode())
+        else:
+            checksums.add(name, values)
+
+
 def _open_writer(
     temporary: Path, attrs: dict[str, Any]
-) -> AbstractContextManager[_CsvWriter | ParquetWriter]:
+) -> AbstractContextManager[_CsvWriter | _ParquetWriter]:
     if temporary.suffix.lower() in (".parquet", ".pq"):
-        return ParquetWriter(temporary, attrs)
+        return _ParquetWriter(temporary, attrs)
     return _CsvWriter(temporary)
 
 

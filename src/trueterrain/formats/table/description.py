@@ -9,7 +9,7 @@ import xarray as xr
 from trueterrain.formats._bounds import value_range
 from trueterrain.formats._flags import profile_flags
 from trueterrain.formats.point_filter import ReturnCounts
-from trueterrain.formats.table._text import Values
+from trueterrain.formats.table._columns import Values
 
 _EQUAL = 1e-3  # fraction by which equal spacings may differ: rounding, as for ERD
 

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.georeference import Screening, mounting_of
+from trueterrain.formats.run import open_run
+from trueterrain.georeference import Screening
 from trueterrain.motion.scan_gaps import count_missing_scans
 from trueterrain.verify.findings.finding import Finding, is_significant
 from trueterrain.verify.registration.search import Registration
@@ -231,7 +232,7 @@ def returned_fraction(
         Fraction of returns of flagged intensity; None if intensities were not recorded.
     """
     scans = tree["scans"].to_dataset()
-    time = scans["time"].values + mounting_of(tree).scanner_clock
+    time = scans["time"].values + open_run(tree).mounting.scanner_clock
     first, last = np.searchsorted(time, (begin, end))
     part = scans.isel(scan=slice(int(first), int(last) + 1))
     there = np.isfinite(part["range"].values)

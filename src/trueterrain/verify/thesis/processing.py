@@ -19,7 +19,7 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError, name_file_in_errors
 from trueterrain.formats.run import open_run, scan_blocks
-from trueterrain.georeference import Screening, mounting_of
+from trueterrain.georeference import Screening
 from trueterrain.motion.trajectory import Trajectory
 from trueterrain.verify.dynamic import DynamicSettings, select_strip
 from trueterrain.verify.registration.search import check_machined_profile
@@ -149,9 +149,8 @@ def thesis_static(
     """
     from scipy.spatial.transform import Rotation
 
-    source = None if isinstance(run, xr.DataTree) else Path(run)
-    tree = run if isinstance(run, xr.DataTree) else open_run(run)
-    angle = np.asarray(tree["scans/angle"])
+    run = open_run(run)
+    angle = np.asarray(run["scans/angle"])
     total, count = np.zeros(angle.size), np.zeros(angle.size)
     for block in scan_blocks(run):
         ranges = block["range"].values
@@ -160,13 +159,13 @@ def thesis_static(
         total += np.where(weight > 0, weight * ranges, 0.0).sum(axis=0)
         count += weight.sum(axis=0)
     # beams that are mostly screened do not belong to the mean scan
-    good = count > 0.5 * tree["scans"].sizes["scan"]
+    good = count > 0.5 * run["scans"].sizes["scan"]
     beam = np.arange(angle.size)
-    with name_file_in_errors(source):
+    with name_file_in_errors(run.source):
         if not good.any():
             raise CoverageError("no beam has returns in most of the scans")
         mean = np.interp(beam, beam[good], total[good] / count[good])
-        rotation = Rotation.from_euler("ZYX", mounting_of(tree, path=source).scanner_rotation[::-1])
+        rotation = Rotation.from_euler("ZYX", run.mounting.scanner_rotation[::-1])
         beams = np.stack([np.zeros_like(angle), np.sin(angle), -np.cos(angle)], axis=-1)
         _, along, up = (rotation.apply(beams) * mean[:, None]).T
         return _over_offsets(name, along, np.where(good, up, np.nan), machined, places)
@@ -216,9 +215,9 @@ def thesis_dynamic(
     -----
     The height of a cell is the mean of its returns, assigned to its centre.
     """
-    source = None if isinstance(run, xr.DataTree) else Path(run)
+    run = open_run(run)
     path = trajectory.between(settings.begin, settings.end)
-    with name_file_in_errors(source):
+    with name_file_in_errors(run.source):
         strip = select_strip(run, path, settings)
         return _over_offsets(
             name,

@@ -6,9 +6,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from trueterrain.core.errors import SchemaError
-from trueterrain.formats._suggestions import suggest_name
-from trueterrain.formats.navigation.schema import NAVIGATION, SchemaVariable
+from trueterrain.core.errors import SchemaError, suggest_name
+from trueterrain.core.schemas.navigation import NAVIGATION, SchemaVariable
 
 KIND = "trueterrain/run"
 

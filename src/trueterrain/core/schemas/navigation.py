@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.core.errors import SchemaError
-from trueterrain.formats._suggestions import suggest_name
+from trueterrain.core.errors import SchemaError, suggest_name
 
 Floats = npt.NDArray[np.float64]
 

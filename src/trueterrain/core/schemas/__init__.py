@@ -1,4 +1,4 @@
-"""Schemas of data: Points, Surface and Profile.
+"""Schemas of data: Points, Surface and Profile; Navigation and Run in the modules beside it.
 
 Each is an `xarray.Dataset` with agreed names, dimensions and units. ``make_...`` builds one
 from arrays, ``check_...`` says which variable breaks which rule.
