@@ -89,6 +89,16 @@ def test_a_closed_pipe_of_errors_is_no_failure():
     assert program.wait() == 2
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGPIPE")
+@pytest.mark.parametrize("arguments", [["--help"], ["init", "scene"]])
+def test_a_reader_that_closes_the_pipe_gives_the_code_of_shells(arguments):
+    """As with `trueterrain --help | head -1`: 128 and the number of SIGPIPE."""
+    code = f"from trueterrain.cli import main; main({arguments})"
+    program = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    program.stdout.close()
+    assert program.wait() == 141
+
+
 def test_control_characters_are_written_as_escapes():
     assert printable_text(ESCAPE) == r"\x1b]0;owned\x07\x1b[31m\x9b2J\u202e"
     assert printable_text("height [µm]\tsd\n°, é, 道路") == "height [µm]\tsd\n°, é, 道路"

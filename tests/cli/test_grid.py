@@ -321,6 +321,9 @@ def test_a_run_becomes_a_road_in_a_store(run, recorded, tmp_path):
         assert finished.code == 0, finished.err
     store, crg = (formats.open(tmp_path / name) for name in ("road.zarr", "road.crg"))
     assert {"count", "sd", "filled"} <= set(store.data_vars)
+    steps = provenance.provenance_steps(store)
+    assert [step["step"] for step in steps] == ["grid", "build_surface", "grid"]
+    assert steps[1]["parameters"]["motion"]["method"] == "rts"
     assert store.height.shape == crg.height.shape
     both = np.isfinite(store.height.values) & np.isfinite(crg.height.values)
     assert both.mean() > 0.5

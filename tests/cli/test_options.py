@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 import trueterrain as tt
+from trueterrain.alignment.settings import CellSettings, NetworkSettings
 from trueterrain.cli import command_line
 from trueterrain.core.schemas import make_points, make_profile
+from trueterrain.georeference import CalibrationSettings, Screening
+from trueterrain.motion import FusionSettings
 from trueterrain.profile import TyreProfileSettings
 from trueterrain.roughness import IriSettings, PsdSettings, RideNumberSettings
 from trueterrain.roughness.agreement import AgreementLimits, AgreementSettings
@@ -44,6 +47,7 @@ CALLS = {
     "simulate": ["none.toml", "-o", "OUT"],
 }
 NO_NUMBERS = {"doctor", "info", "init", "verify"}
+MOTION = {f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(FusionSettings)}
 NEVER = ("nan", "inf", "-inf", "1e300", "1e-300", "", "abc")  # refused before anything is read
 PERHAPS = ("0", "-1")  # for the command to judge
 MANY = ("70000", str(2**63 - 1))  # of whole numbers
@@ -70,6 +74,13 @@ def numbers_of(hint: object) -> list[type | None]:
 def numeric_options(command: str) -> list[tuple[str, list[type | None]]]:
     """Options of a command that take numbers."""
     options = command_line()[command].assemble_argument_collection(parse_docstring=False)
+    if command in ("grid", "calibrate"):  # georeference has the same options of the motion
+        of_motion = [one.parameter.group[0].name.startswith("Motion") for one in options]
+        options = [
+            one
+            for one, moves in zip(options, of_motion, strict=True)
+            if not (moves and one.name in MOTION)
+        ]
     found = [(option.name, numbers_of(option.hint)) for option in options]
     return [(name, kinds) for name, kinds in found if kinds and name.startswith("--")]
 
@@ -199,6 +210,23 @@ def test_sizes_that_no_machine_could_hold_are_refused_at_once(
             ),
             set(),
         ),
+        (
+            "grid",
+            Screening(floor=5.0, saturation=90.0, nearest=1.0, furthest=9.0, weight=0.5),
+            set(),
+        ),
+        (
+            "georeference",
+            FusionSettings(method="wiener", rate=500.0, gravity=9.8, drift_time=(5.0, 6.0, 7.0)),
+            set(),
+        ),
+        (
+            "calibrate",
+            CalibrationSettings(area=(0.0, 0.0, 1.0, 1.0), drift_time=(5.0, 6.0), max_iterations=9),
+            {"parameters", "unobservable", "screening"},
+        ),
+        ("merge", NetworkSettings(correlation_time=9.0, sample=500, datum_sd=0.01), set()),
+        ("merge", CellSettings(scans=0, max_sd=0.01), {"size"}),
         ("profile", TyreProfileSettings(patch=(0.2, 0.1), level=True, min_count=5), set()),
         ("profile", TyreProfileSettings(statistic="bridge", skip=5.0, average=50.0), set()),
     ],

@@ -49,7 +49,8 @@ class MergeSettings:
     the thesis; grid: the mean of all passes, which flags places where they disagree."""
 
     fixed: tuple[str, ...] = ()
-    "Names of passes that get no correction."
+    """Names of passes that are not corrected. By default the mean correction of all passes is
+    zero."""
 
     control: str | None = None
     """CSV file of control points with the columns easting, northing, up and sd [m]; network
@@ -60,7 +61,7 @@ class MergeSettings:
     northing [m]; discontinuity only. By default the centre of each overlap."""
 
     limit: float = 0.002
-    "Difference of passes beyond which the method grid flags a place [m]."
+    "Maximum difference of height between passes, for grid and for checks of agreement [m]."
 
     cells: CellSettings = field(default_factory=lambda: CellSettings(size=0.1))
     "Cells in which passes are compared."

@@ -116,7 +116,7 @@ class NetworkSettings:
     "Change of the corrections below which they have converged in any case [m]."
 
     max_iterations: int = 300
-    "Maximum number of iterations."
+    "Iterations in which the adjustment must converge."
 
     def __post_init__(self) -> None:
         """Check the values."""

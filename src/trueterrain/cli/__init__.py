@@ -124,6 +124,11 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.flush()
     except BrokenPipeError:  # the reader has closed the pipe, as `head` does
         _exit_with(_PIPE_CLOSED)
+    except SystemExit as stop:
+        # rich, which prints the help, exits with 1 when the reader has closed the pipe
+        if isinstance(stop.__context__, BrokenPipeError):
+            _exit_with(_PIPE_CLOSED)
+        raise
     except (TrueTerrainError, ValueError, OSError, MemoryError, cyclopts.CycloptsError) as error:
         if debug:
             raise

@@ -1,51 +1,45 @@
-"""Trajectories of recorded runs on the command line."""
+"""Motion of recorded runs on the command line."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from trueterrain.cli._console import write_note
 from trueterrain.core.errors import SchemaError
 
 if TYPE_CHECKING:
     from trueterrain.formats.run import Run
-    from trueterrain.motion import Trajectory
+    from trueterrain.motion import FusionSettings
+    from trueterrain.survey import ProcessedRun
 
-Method = Literal["navigation", "thesis", "zero-phase", "wiener", "rts"]
 
-
-def run_trajectory(
-    run: "Run | Path", method: Method, begin: float | None = None, end: float | None = None
-) -> "Trajectory":
-    """Trajectory of the body over a run; problems of motion and scans are noted on stderr.
+def process_and_note(
+    run: "Run | Path",
+    motion: "FusionSettings",
+    begin: float | None = None,
+    end: float | None = None,
+) -> "ProcessedRun":
+    """Estimate the motion of a run, and note problems of motion and scans on stderr.
 
     Parameters
     ----------
     run : Run or Path
         The run, or its store.
-    method : str
-        Method of `trueterrain.motion.fuse_motion`.
+    motion : FusionSettings
+        Settings of the fusion.
     begin, end : float, optional
-        First and last time of the trajectory [s]; by default those of the navigation.
+        Times between which the run is used [s]; by default all of it.
 
     Returns
     -------
-    Trajectory
-        Position and attitude with covariance.
-
-    Raises
-    ------
-    SchemaError
-        If navigation or scans are invalid, such as a clock that runs backward.
-    CoverageError
-        If there is too little navigation, or it covers no scan.
+    ProcessedRun
+        As by `trueterrain.survey.process_run`.
     """
-    from trueterrain.motion import FusionSettings
-    from trueterrain.survey.runs import process_run
+    from trueterrain.survey import process_run
 
-    processed = process_run(run, FusionSettings(method=method), begin=begin, end=end)
+    processed = process_run(run, motion, begin=begin, end=end)
     for problem in processed.problems:
         write_note(f"{processed.record.run.source}: {problem}")
-    return processed.trajectory
+    return processed
 
 
 def require_run(path: Path) -> None:

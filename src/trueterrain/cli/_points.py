@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
 _MAX_CELLS = 1024  # cells per axis of the mask of points near a path
 
-#: West, south, east and north edge of an area [m].
-Bounds = tuple[float, float, float, float]
-
 #: Option ``--class`` of a command that reads points.
 Classes = Annotated[str | None, Parameter(name="--class")]
 
@@ -101,45 +98,6 @@ def note_conversion(files: Iterable[Path], crs: str | None = None) -> None:
             write_note(f"{file}: {text}")
 
 
-def point_extent(file: Path, crs: str | None) -> Bounds:
-    """Bounds of the points in a file, from its header if that states them.
-
-    Parameters
-    ----------
-    file : Path
-        Points.
-    crs : str or None
-        Coordinate reference system, if the file names none or a wrong one.
-
-    Returns
-    -------
-    tuple of float
-        Minimum easting and northing, maximum easting and northing [m].
-    """
-    import numpy as np
-
-    from trueterrain import formats
-
-    module = formats.recognise_format(file).module
-    if module == "las":
-        from trueterrain.formats import las
-
-        _, (low, high) = las.header_of(file, crs)
-        if np.isfinite([*low, *high]).all() and (low[:2] <= high[:2]).all():
-            return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-    if module == "store":
-        extent = formats.info(file)["extent"]
-        if "easting" in extent and "northing" in extent:
-            (west, east), (south, north) = extent["easting"], extent["northing"]
-            return west, south, east, north
-    edges = [np.inf, np.inf, -np.inf, -np.inf]
-    for block in formats.point_blocks(file, crs=crs, variables=()):
-        for axis, name in enumerate(("easting", "northing")):
-            edges[axis] = min(edges[axis], float(block[name].min()))
-            edges[axis + 2] = max(edges[axis + 2], float(block[name].max()))
-    return edges[0], edges[1], edges[2], edges[3]
-
-
 class PointCounter:
     """Iterator over blocks of points that counts them and shows progress.
 
@@ -149,17 +107,11 @@ class PointCounter:
         Points.
     progress : callable
         Shows progress.
-    scans : int, optional
-        Number of scans of the run that the points come from; the attribute ``scans`` of each block
-        is then the number of scans done.
     """
 
-    def __init__(
-        self, blocks: "Iterator[xr.Dataset]", progress: "Progress", scans: int | None = None
-    ) -> None:
+    def __init__(self, blocks: "Iterator[xr.Dataset]", progress: "Progress") -> None:
         self._blocks = blocks
         self._progress = progress
-        self._scans = scans
         self.points = 0
         self.last: xr.Dataset | None = None
 
@@ -169,8 +121,7 @@ class PointCounter:
             # counted after the yield: a block counts when its consumer asks for the next one
             self.points += block.sizes["point"]
             self.last = block
-            done = 0 if self._scans is None else block.attrs["scans"]
-            self._progress(f"{self.points:,} points", done, self._scans)
+            self._progress(f"{self.points:,} points", 0, None)
 
 
 class PointsAlong:

@@ -1,24 +1,25 @@
 """The command ``trueterrain calibrate``: boresight, lever arm and clock of the scanner."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from trueterrain.cli._console import progress_bar, write_json, write_line, write_note
-from trueterrain.cli._motion import Method, require_run, run_trajectory
-from trueterrain.cli._options import INTEGER
-from trueterrain.cli._points import Bounds
+from trueterrain.cli._motion import process_and_note, require_run
+from trueterrain.cli._options import flatten_settings
 from trueterrain.core.errors import SchemaError
+from trueterrain.georeference.screening import Screening
+from trueterrain.georeference.settings import CalibrationSettings
+from trueterrain.georeference.settings import Parameter as Name
+from trueterrain.motion.settings import FusionSettings
+from trueterrain.survey import MountingOverride
 
 if TYPE_CHECKING:
     from trueterrain.formats.run import Mounting, Run
     from trueterrain.georeference import Calibration
-    from trueterrain.survey import MountingOverride
-
-Name = Literal["roll", "pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock"]
-Vector = tuple[float, float, float]
 
 _FIELDS = {
     "scanner_position": (("lever_x", "lever_y", "lever_z"), "Forward, left, up", "m"),
@@ -27,6 +28,13 @@ _FIELDS = {
 }
 _DIGITS = 9  # decimals that are written [rad, m, s]: far below any standard deviation
 
+_ESTIMATION = flatten_settings("Estimation", omit=["parameters", "unobservable", "screening"])
+_START = flatten_settings(
+    "Mounting from which the estimation starts, by default that of the runs", sort_key=2
+)
+_RETURNS = flatten_settings("Returns", sort_key=3)
+_MOTION = flatten_settings("Motion", omit=["drift_time"], sort_key=4)  # a name of the estimation
+
 
 def calibrate(
     first: Annotated[Path, Parameter(name="RUN")],
@@ -34,28 +42,16 @@ def calibrate(
     /,
     *more: Annotated[Path, Parameter(name="MORE")],
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    parameter: Annotated[tuple[Name, ...] | None, Parameter(negative="")] = None,
-    unobservable: Literal["refuse", "hold"] | None = None,
-    scanner_position: Vector | None = None,
-    scanner_rotation: Vector | None = None,
-    scanner_clock: float | None = None,
-    method: Method = "rts",
-    spacing: float = 0.04,
-    area: Bounds | None = None,
-    max_angle: float = 0.5,
-    cluster: float = 0.5,
-    height_noise: float = 1e-4,
-    max_angle_sd: float = 5e-4,
-    max_lever_sd: float = 3e-3,
-    max_clock_sd: float = 2e-4,
-    max_iterations: Annotated[int, INTEGER] = 30,
-    floor: float | None = None,
-    saturation: float | None = None,
-    nearest: float = 0.0,
-    furthest: float | None = None,
-    weight: float = 0.0,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    force: Annotated[bool, Parameter(negative="")] = False,
+    parameter: Annotated[tuple[Name, ...] | None, Parameter(group=_ESTIMATION.group)] = None,
+    unobservable: Annotated[
+        Literal["refuse", "hold"] | None, Parameter(group=_ESTIMATION.group)
+    ] = None,
+    settings: Annotated[CalibrationSettings, _ESTIMATION] = CalibrationSettings(),
+    start: Annotated[MountingOverride, _START] = MountingOverride(),
+    screening: Annotated[Screening, _RETURNS] = Screening(),
+    motion: Annotated[FusionSettings, _MOTION] = FusionSettings(),
+    json: bool = False,
+    force: bool = False,
 ) -> None:
     """Estimate boresight, lever arm and clock of the scanner from passes over the same ground.
 
@@ -83,45 +79,6 @@ def calibrate(
     unobservable
         Treatment of a parameter that the passes do not determine. refuse: an error; hold: it keeps
         its value. By default refuse if --parameter names it, else hold.
-    scanner_position
-        Measured position of the scanner: forward, left, up [m]; the start of the estimation, and
-        the value of what is held. By default that of the runs; so for the next two options.
-    scanner_rotation
-        Roll, pitch, yaw of the scanner in the body [rad].
-    scanner_clock
-        Correction of the scanner's time stamps: true time less stamp [s].
-    method
-        Method by which the motion is estimated: "rts" (most accurate), "wiener", "zero-phase",
-        "thesis", or "navigation" alone.
-    spacing
-        Size of the cells of ground that are compared [m]; at least three scans should hit a cell.
-    area
-        Ground to use: minimum easting and northing, maximum easting and northing [m]; by default
-        all ground that two passes have in common.
-    max_angle
-        Maximum angle from straight down of the beams that are used [rad].
-    cluster
-        Size of the squares of ground within which errors may be correlated [m].
-    height_noise
-        Minimum standard deviation of the height of a cell [m].
-    max_angle_sd
-        Standard deviation above which an angle counts as unobservable [rad].
-    max_lever_sd
-        The same for a component of the lever arm [m].
-    max_clock_sd
-        The same for the clock [s].
-    max_iterations
-        Iterations in which the estimation must converge.
-    floor
-        Intensity below which a return is flagged [counts].
-    saturation
-        Intensity above which a return is flagged [counts].
-    nearest
-        Range below which a return is not ground [m].
-    furthest
-        Range above which a return is not ground [m].
-    weight
-        Weight of a flagged return, from 0 (rejected) to 1.
     json
         Print one JSON document {"runs", "mounting", "before", "value", "sd", "correlation",
         "condition", "held", "sensitivity", "not_observable", "offset", "offset_sd", "residual",
@@ -131,48 +88,27 @@ def calibrate(
     """
     from trueterrain.core import require_writable
     from trueterrain.formats.run import open_run
-    from trueterrain.georeference import CalibrationSettings, Screening
-    from trueterrain.georeference import calibrate_mounting as calibrated
+    from trueterrain.georeference import calibrate_mounting
     from trueterrain.surface.runs import require_one_frame
-    from trueterrain.survey import MountingOverride
 
     runs = [first, second, *more]
     if output is not None:
         require_writable(output, force=force, inputs=runs)
-    settings = CalibrationSettings(
-        parameters=parameter or get_args(Name),
+    settings = replace(
+        settings,
+        parameters=parameter or settings.parameters,
         unobservable=unobservable or ("refuse" if parameter else "hold"),
-        spacing=spacing,
-        area=area,
-        max_angle=max_angle,
-        cluster=cluster,
-        height_noise=height_noise,
-        max_angle_sd=max_angle_sd,
-        max_lever_sd=max_lever_sd,
-        max_clock_sd=max_clock_sd,
-        max_iterations=max_iterations,
-        screening=Screening(
-            floor=floor or 0.0,
-            saturation=saturation or float("inf"),
-            nearest=nearest,
-            furthest=furthest or float("inf"),
-            weight=weight,
-        ),
-    )
-    override = MountingOverride(
-        scanner_position=scanner_position,
-        scanner_rotation=scanner_rotation,
-        scanner_clock=scanner_clock,
+        screening=screening,
     )
     _check_runs(runs)
     opened = [open_run(run) for run in runs]
-    start = _start_mounting(opened, override)
+    mounting = _start_mounting(opened, start)
     require_one_frame(opened)
     with progress_bar() as progress:
-        found = calibrated(
+        found = calibrate_mounting(
             opened,
-            [run_trajectory(run, method) for run in opened],
-            mounting=start,
+            [process_and_note(run, motion).trajectory for run in opened],
+            mounting=mounting,
             settings=settings,
             progress=progress,
         )
@@ -182,13 +118,13 @@ def calibrate(
         write_json(
             {
                 "runs": [str(run) for run in runs],
-                "before": _estimable_values(start),
+                "before": _estimable_values(mounting),
                 **found.to_dict(),
                 "output": None if output is None else str(output),
             }
         )
         return
-    for text in _summary_lines(found, start, runs):
+    for text in _summary_lines(found, mounting, runs):
         write_line(text)
     if output is not None:
         write_note(f"{output}: the mounting for survey.toml")
@@ -204,7 +140,7 @@ def _check_runs(runs: list[Path]) -> None:
         seen.add(run.resolve())
 
 
-def _start_mounting(runs: "list[Run]", override: "MountingOverride") -> "Mounting":
+def _start_mounting(runs: "list[Run]", override: MountingOverride) -> "Mounting":
     """Mounting from which the estimation starts; it must be the same for all runs."""
     stated = [override.over(run.mounting) for run in runs]
     for run, other in zip(runs, stated, strict=True):

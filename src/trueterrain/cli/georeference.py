@@ -1,14 +1,16 @@
 """The command ``trueterrain georeference``: recorded runs to georeferenced points."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from trueterrain.cli._console import progress_bar, write_json, write_note
-from trueterrain.cli._motion import Method, require_run, run_trajectory
-from trueterrain.cli._options import INTEGER
-from trueterrain.cli._points import PointCounter
+from trueterrain.cli._motion import process_and_note, require_run
+from trueterrain.cli._options import INTEGER, flatten_settings
+from trueterrain.georeference.screening import Screening
+from trueterrain.motion.settings import FusionSettings
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,17 +21,13 @@ def georeference(
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    method: Method = "rts",
     crs: str | None = None,
-    floor: float | None = None,
-    saturation: float | None = None,
-    nearest: float = 0.0,
-    furthest: float | None = None,
-    weight: float = 0.0,
     range_noise: float = 0.0005,
     lane: Annotated[int | None, INTEGER] = None,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    force: Annotated[bool, Parameter(negative="")] = False,
+    screening: Annotated[Screening, flatten_settings("Returns")] = Screening(),
+    motion: Annotated[FusionSettings, flatten_settings("Motion", sort_key=2)] = FusionSettings(),
+    json: bool = False,
+    force: bool = False,
 ) -> None:
     """Convert a recorded run to points, each return with the pose at its own time.
 
@@ -46,24 +44,10 @@ def georeference(
     output
         Points to write: .laz, .las, .csv, .parquet, or .zarr, which is lossless and fastest to
         read and write.
-    method
-        Method by which the motion is estimated from navigation and accelerometers: "rts" (most
-        accurate), "wiener", "zero-phase", "thesis", or "navigation" alone.
     crs
         Projected coordinate reference system of the points, e.g. EPSG:32632, with ellipsoidal
         heights; by default they stay in the local frame of the run: east, north, up from its
         origin. One whose scale error at the site exceeds 0.35 % is refused.
-    floor
-        Intensity below which a return is flagged [counts].
-    saturation
-        Intensity above which a return is flagged [counts].
-    nearest
-        Range below which a return is not ground [m].
-    furthest
-        Range above which a return is not ground [m].
-    weight
-        Weight of a flagged return, from 0 (rejected) to 1; a small weight increases its standard
-        deviation.
     range_noise
         Standard deviation of a range [m].
     lane
@@ -77,17 +61,9 @@ def georeference(
     from trueterrain import formats
     from trueterrain.formats.run import open_run
     from trueterrain.geometry.topocentric import check_crs, into_crs
-    from trueterrain.georeference import Screening
-    from trueterrain.georeference import georeference as points_of
+    from trueterrain.survey import georeference_run
 
     formats.writer_of("points", output)
-    screening = Screening(
-        floor=floor or 0.0,
-        saturation=saturation or float("inf"),
-        nearest=nearest,
-        furthest=furthest or float("inf"),
-        weight=weight,
-    )
     if crs is not None:
         check_crs(crs)
     require_run(run)
@@ -95,16 +71,21 @@ def georeference(
     opened = open_run(run)
     if crs is not None:
         check_crs(crs, opened.origin)
-    trajectory = run_trajectory(opened, method)
-    blocks = points_of(opened, trajectory, screening=screening, range_noise=range_noise, lane=lane)
+    processed = process_and_note(opened, motion)
+    last: xr.Dataset | None = None
+
+    def blocks() -> "Iterator[xr.Dataset]":
+        nonlocal last
+        for block in found:
+            last = block
+            yield block if crs is None else into_crs(block, opened.origin, crs)
+
     with progress_bar() as progress:
-        counted = PointCounter(blocks, progress, opened["scans"].sizes["scan"])
-        points = iter(counted)
-        if crs is not None:
-            origin, system = opened.origin, crs
-            points = (into_crs(block, origin, system) for block in iter(counted))
-        formats.write(points, output, force=force)
-    report = {"output": str(output), **_point_counts(counted.last)}
+        found = georeference_run(
+            processed, screening=screening, range_noise=range_noise, lane=lane, progress=progress
+        )
+        formats.write(blocks(), output, force=force)
+    report = {"output": str(output), **_point_counts(last)}
     if json:
         write_json(report)
     else:

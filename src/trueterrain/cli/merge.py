@@ -1,11 +1,15 @@
 """The command ``trueterrain merge``: adjustment of passes over the same ground."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
+from trueterrain.alignment.discontinuity.vectors import DiscontinuitySettings
+from trueterrain.alignment.merge import MergeSettings
+from trueterrain.alignment.settings import CellSettings, NetworkSettings
 from trueterrain.cli._console import (
     note_compilation,
     progress_bar,
@@ -14,20 +18,20 @@ from trueterrain.cli._console import (
     write_line,
     write_note,
 )
-from trueterrain.cli._options import INTEGER
+from trueterrain.cli._options import INTEGER, flatten_settings
 from trueterrain.cli._points import Classes, Returns, note_conversion, point_filter
 from trueterrain.cli._recordings import kind_of_all
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
-    from trueterrain.alignment.merge import MergeSettings
-    from trueterrain.alignment.observations.cells import PassCells
-    from trueterrain.core import Progress
     from trueterrain.formats import PointFilter
-    from trueterrain.survey import Survey
 
-Method = Literal["network", "discontinuity", "grid"]
+_METHOD = flatten_settings("Method", omit=["fixed", "cells", "network", "discontinuity"])
+_CELLS = flatten_settings("Cells in which passes are compared", omit=["size"], sort_key=2)
+_NETWORK = flatten_settings("Network adjustment", sort_key=3)
+_VECTORS = flatten_settings("Discontinuity vectors", omit=["spacing", "cell"], sort_key=4)
+_POINTS = Parameter(group=Group("Points", sort_key=5))
 
 
 def merge(
@@ -35,24 +39,21 @@ def merge(
     /,
     *more: Annotated[Path, Parameter(name="MORE")],
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    method: Method = "network",
-    fix: Annotated[list[str] | None, Parameter(negative="")] = None,
-    control: Path | None = None,
-    datum_sd: float | None = None,
-    path: Path | None = None,
-    limit: float = 0.002,
-    cell: float | None = None,
+    settings: Annotated[MergeSettings, _METHOD] = MergeSettings(),
+    fix: Annotated[list[str] | None, Parameter(group=_METHOD.group)] = None,
+    check: Annotated[bool, Parameter(group=_METHOD.group)] = False,
+    cell: Annotated[float | None, Parameter(group=_CELLS.group)] = None,
+    cells: Annotated[CellSettings, _CELLS] = CellSettings(),
+    network: Annotated[NetworkSettings, _NETWORK] = NetworkSettings(),
+    discontinuity: Annotated[DiscontinuitySettings, _VECTORS] = DiscontinuitySettings(),
     spacing: float | None = None,
-    max_iterations: Annotated[int | None, INTEGER] = None,
-    relative_tolerance: float | None = None,
-    split: Annotated[bool, Parameter(negative="")] = False,
-    check: Annotated[bool, Parameter(negative="")] = False,
     threads: Annotated[int | None, INTEGER] = None,
-    crs: str | None = None,
-    classes: Classes = None,
-    returns: Returns = None,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    force: Annotated[bool, Parameter(negative="")] = False,
+    split: Annotated[bool, _POINTS] = False,
+    crs: Annotated[str | None, _POINTS] = None,
+    classes: Annotated[Classes, _POINTS] = None,
+    returns: Annotated[Returns, _POINTS] = None,
+    json: bool = False,
+    force: bool = False,
 ) -> None:
     """Bring passes over the same ground into agreement, and report their differences.
 
@@ -72,36 +73,17 @@ def merge(
         More of the same kind.
     output
         Folder for report.html, result.json, the merged surface, and corrected clouds.
-    method
-        network: one least-squares adjustment of all passes; discontinuity: low-pass filtered
-        discontinuity vectors along reference paths (the thesis); grid: the mean without correction,
-        with a warning where passes disagree.
-    fix
-        Pass that is not corrected; may be given several times. By default the mean correction of
-        all passes is zero.
-    control
-        CSV file of control points: easting, northing, up and sd [m].
-    datum_sd
-        Standard deviation of the height error that all passes have in common [m], for network. By
-        default that of navigation, a fixed pass or control; unknown for clouds without sd.
-    path
-        CSV file of waypoints of the reference path, with the columns easting and northing [m], for
-        discontinuity. By default the centre line of each overlap.
-    limit
-        Maximum difference of height between passes, for grid and --check [m].
     cell
         Size of the cells in which passes are compared [m]; by default 0.1 for runs, for clouds
         according to their density.
     spacing
         Distance between the nodes of the merged surface [m]; by default 0.01 for runs, the size of
         the cells for clouds.
-    max_iterations
-        Iterations in which the network adjustment must converge; by default 300.
-    relative_tolerance
-        Change of the corrections, relative to their standard deviations, below which the iteration
-        has converged; by default 0.01.
     split
         Split several files by point source ID as well, e.g. tiles of one survey.
+    fix
+        Pass that is not corrected; may be given several times. By default the mean correction of
+        all passes is zero.
     check
         Test whether the passes agree, without correcting them; --output is then optional. The exit
         code is 1 if two passes differ by more than the limit, or if a pass overlaps no other.
@@ -136,12 +118,14 @@ def merge(
     if not runs:
         note_conversion(inputs, crs)
     workers = worker_threads(threads)
-    given = {
-        "max_iterations": max_iterations,
-        "relative_tolerance": relative_tolerance,
-        "datum_sd": datum_sd,
-    }
-    settings = _merge_settings(method, fix, control, path, limit, cell, given, check=check)
+    settings = replace(
+        settings,
+        method="grid" if check else settings.method,
+        fixed=tuple(fix or ()),
+        network=network,
+        discontinuity=discontinuity,
+        cells=replace(cells, size=settings.cells.size if cell is None else cell),
+    )
     if check:
         _check_agreement(
             inputs, settings, runs, split, crs, cell, only, output, json=json, force=force
@@ -150,11 +134,19 @@ def merge(
     assert output is not None
     with note_compilation(), progress_bar() as progress:
         if runs:
-            from trueterrain.survey import run_survey
+            from trueterrain.surface.placement import GridPlacement
+            from trueterrain.survey import run_survey, survey_of
             from trueterrain.verify import truth_of
 
             numbers = run_survey(
-                _merge_survey(inputs, settings, spacing),
+                survey_of(
+                    inputs,
+                    name="merged",
+                    title="Merged passes",
+                    profiles=(),
+                    lanes=settings,
+                    grid=GridPlacement(spacing=spacing or 0.01, lap=True),
+                ),
                 output,
                 force=force,
                 threads=workers,
@@ -218,52 +210,9 @@ def summary_lines(merged: dict[str, Any]) -> "Iterator[str]":
         yield f"flagged: {problem}"
 
 
-def _merge_settings(
-    method: Method,
-    fix: list[str] | None,
-    control: Path | None,
-    path: Path | None,
-    limit: float,
-    cell: float | None,
-    given: "Mapping[str, Any]",
-    *,
-    check: bool,
-) -> "MergeSettings":
-    from dataclasses import replace
-
-    from trueterrain.alignment.merge import MergeSettings
-
-    settings = MergeSettings(
-        method="grid" if check else method,
-        fixed=tuple(fix or ()),
-        limit=limit,
-        control=None if control is None else str(control),
-        path=None if path is None else str(path),
-    )
-    stated = {name: value for name, value in given.items() if value is not None}
-    settings = replace(settings, network=replace(settings.network, **stated))
-    if cell is None:
-        return settings
-    return replace(settings, cells=replace(settings.cells, size=cell))
-
-
-def _merge_survey(inputs: list[Path], settings: "MergeSettings", spacing: float | None) -> "Survey":
-    from trueterrain.surface.placement import GridPlacement
-    from trueterrain.survey import survey_of
-
-    return survey_of(
-        inputs,
-        name="merged",
-        title="Merged passes",
-        profiles=(),
-        lanes=settings,
-        grid=GridPlacement(spacing=spacing or 0.01, lap=True),
-    )
-
-
 def _check_agreement(
     inputs: list[Path],
-    settings: "MergeSettings",
+    settings: MergeSettings,
     runs: bool,
     split: bool,
     crs: str | None,
@@ -274,17 +223,23 @@ def _check_agreement(
     json: bool,
     force: bool,
 ) -> None:
+    from trueterrain.alignment.clouds.merge import find_cloud_passes, flag_classes
     from trueterrain.core import require_writable, whole_folder
     from trueterrain.report import write_report
-    from trueterrain.survey import RESULT, check_agreement, check_report
+    from trueterrain.survey import RESULT, check_point_clouds, check_report, check_runs
 
     if output is not None:
         require_writable(output, force=force, inputs=inputs, replaces="folder")
     with note_compilation(), progress_bar() as progress:
-        cells, size, problems = _pass_cells(
-            inputs, settings, runs, split, crs, cell, only, progress
-        )
-        found = check_agreement(cells, limit=settings.limit, size=size, problems=problems)
+        if runs:
+            found = check_runs(inputs, settings, progress=progress)
+        else:
+            lanes = find_cloud_passes(
+                inputs, split=split or None, crs=crs, only=only, progress=progress
+            )
+            for flag in flag_classes(lanes):
+                write_note(f"warning: {flag}")
+            found = check_point_clouds(lanes, settings, cell=cell, progress=progress)
     if output is not None:
         with whole_folder(output, result=RESULT, force=force, inputs=inputs) as folder:
             names = ", ".join(path.name for path in inputs)
@@ -311,35 +266,3 @@ def _check_lines(found: dict[str, Any]) -> "Iterator[str]":
     for name in found["alone"]:
         yield f"{name} overlaps no other pass: its agreement is unknown"
     yield from found["problems"]
-
-
-def _pass_cells(
-    inputs: list[Path],
-    settings: "MergeSettings",
-    runs: bool,
-    split: bool,
-    crs: str | None,
-    cell: float | None,
-    only: "PointFilter | None",
-    progress: "Progress",
-) -> "tuple[list[PassCells], float, list[str]]":
-    """Cells of all passes, their size [m], and problems."""
-    if not runs:
-        from trueterrain.alignment.clouds.merge import (
-            cells_of_clouds,
-            find_cloud_passes,
-            flag_classes,
-        )
-
-        lanes = find_cloud_passes(
-            inputs, split=split or None, crs=crs, only=only, progress=progress
-        )
-        for flag in flag_classes(lanes):
-            write_note(f"warning: {flag}")
-        return cells_of_clouds(lanes, settings, cell=cell, progress=progress)
-    from trueterrain.alignment.run_passes import cells_of_passes
-    from trueterrain.survey import process_survey_run, run_name, survey_of
-
-    survey = survey_of(inputs)
-    found = {run_name(run): process_survey_run(survey, run, progress).record for run in survey.runs}
-    return cells_of_passes(found, settings, progress=progress), settings.cells.size, []

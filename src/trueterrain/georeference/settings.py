@@ -37,7 +37,8 @@ class CalibrationSettings:
     "Size of the cells of ground that are compared [m]; a cell should contain at least 3 scans."
 
     area: tuple[float, float, float, float] | None = None
-    "West, south, east, north of the ground to use [m]; by default all of it."
+    """Ground to use: minimum easting and northing, maximum easting and northing [m]; by default all
+    ground that two passes have in common."""
 
     max_angle: float = 0.5
     """Maximum angle of the beams from straight down [rad]: more oblique beams leave shadows next to
@@ -61,13 +62,13 @@ class CalibrationSettings:
     "Standard deviation above which an angle counts as unobservable [rad]."
 
     max_lever_sd: float = 3e-3
-    "The same of a component of the lever arm [m]."
+    "Standard deviation above which a component of the lever arm counts as unobservable [m]."
 
     max_clock_sd: float = 2e-4
-    "The same of the clock [s]."
+    "Standard deviation above which the clock counts as unobservable [s]."
 
     max_iterations: int = 30
-    "Maximum number of iterations."
+    "Iterations in which the estimation must converge."
 
     screening: Screening = field(default_factory=Screening)
     "Selection of returns."

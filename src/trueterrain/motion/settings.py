@@ -17,7 +17,8 @@ class FusionSettings:
     """Method and parameters of the fusion of navigation and accelerometers."""
 
     method: Method = "rts"
-    "navigation, thesis, zero-phase, wiener or rts."
+    """Method by which the motion is estimated: rts (most accurate), wiener, zero-phase, thesis, or
+    navigation alone."""
 
     rate: float = 1000.0
     "Knots per second [Hz]: every n-th accelerometer sample becomes a knot."
@@ -26,7 +27,7 @@ class FusionSettings:
     "Crossover frequency of thesis and zero-phase [Hz]."
 
     order: int = 4
-    "Order of their Butterworth filters."
+    "Order of the Butterworth filters of thesis and zero-phase."
 
     smoothing_window: float | None = None
     """Window over which east, north and yaw are smoothed [s]. By default rts adapts the smoothing

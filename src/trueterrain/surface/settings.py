@@ -22,8 +22,8 @@ class GridSettings:
     "Whether a mean is reduced along the slope from the mean position of the returns to the node."
 
     radius: float = 0.0
-    """Radius of the search disc around a node [m]: the height is the mean over the cells whose
-    centre lies in it, on the plane that fits them if `level` is set. 0 for the cell of the node."""
+    """Radius of the disc around a node [m]: the height is the mean over the cells whose centre lies
+    in it, reduced along their slope to the node. 0 for the cell of the node alone."""
 
     power: float = 0.0
     """Power of the inverse distance from the node that weights the returns of a disc; 0 for equal

@@ -18,7 +18,12 @@ from trueterrain.survey._chain import (
     process_survey_run,
     run_survey,
 )
-from trueterrain.survey._check import check_agreement, check_report
+from trueterrain.survey._check import (
+    check_agreement,
+    check_point_clouds,
+    check_report,
+    check_runs,
+)
 from trueterrain.survey._clouds import merge_point_clouds
 from trueterrain.survey._settings import (
     MountingOverride,
@@ -39,7 +44,7 @@ from trueterrain.survey.profiles import (
     rate_wheel_paths,
 )
 from trueterrain.survey.runs import ProcessedRun, align_passes, georeference_run, process_run
-from trueterrain.survey.surfaces import build_surface, complete_surface
+from trueterrain.survey.surfaces import build_surface, complete_surface, grid_point_files
 
 __all__ = [
     "RESULT",
@@ -54,11 +59,14 @@ __all__ = [
     "align_passes",
     "build_surface",
     "check_agreement",
+    "check_point_clouds",
     "check_report",
+    "check_runs",
     "complete_surface",
     "extract_profile",
     "extract_profiles",
     "georeference_run",
+    "grid_point_files",
     "merge_point_clouds",
     "process_run",
     "process_survey_run",

@@ -1,17 +1,23 @@
 """Check of the agreement of passes, without correcting them: one page."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from trueterrain._version import __version__
+from trueterrain.alignment.clouds.merge import CloudPass, cells_of_clouds
 from trueterrain.alignment.discontinuity.seams import find_seams
-from trueterrain.alignment.merge import compare_passes, require_different
+from trueterrain.alignment.merge import MergeSettings, compare_passes, require_different
 from trueterrain.alignment.observations.cells import PassCells
+from trueterrain.alignment.run_passes import cells_of_passes
+from trueterrain.core.progress import Progress, no_progress
 from trueterrain.report import Block, Number, Report, Section, Table, Text, Verdict, Warnings
+from trueterrain.survey._chain import process_survey_run
 from trueterrain.survey._report_parts import parse_columns, to_millimetres
+from trueterrain.survey._settings import run_name, survey_of
 
 
 def check_agreement(
@@ -70,6 +76,62 @@ def check_agreement(
         "alone": alone,
         "problems": [*problems, *no_seams],
     }
+
+
+def check_runs(
+    runs: Sequence[str | Path], settings: MergeSettings, *, progress: Progress = no_progress
+) -> dict[str, Any]:
+    """Check whether the passes of recorded runs agree, without correcting them.
+
+    Parameters
+    ----------
+    runs : sequence of str or Path
+        Stores of the runs, with different names.
+    settings : MergeSettings
+        Cells, and the limit of the differences.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    dict
+        As by `check_agreement`.
+    """
+    survey = survey_of([Path(run) for run in runs])
+    records = {
+        run_name(run): process_survey_run(survey, run, progress).record for run in survey.runs
+    }
+    cells = cells_of_passes(records, settings, progress=progress)
+    return check_agreement(cells, limit=settings.limit, size=settings.cells.size)
+
+
+def check_point_clouds(
+    passes: Mapping[str, CloudPass],
+    settings: MergeSettings,
+    *,
+    cell: float | None = None,
+    progress: Progress = no_progress,
+) -> dict[str, Any]:
+    """Check whether the passes of point clouds agree, without correcting them.
+
+    Parameters
+    ----------
+    passes : mapping
+        Passes by name, as by `trueterrain.alignment.clouds.merge.find_cloud_passes`.
+    settings : MergeSettings
+        Cells, and the limit of the differences.
+    cell : float, optional
+        Size of the cells [m]; by default by the density of the points.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    dict
+        As by `check_agreement`.
+    """
+    cells, size, problems = cells_of_clouds(passes, settings, cell=cell, progress=progress)
+    return check_agreement(cells, limit=settings.limit, size=size, problems=problems)
 
 
 def check_report(found: dict[str, Any], *, title: str) -> Report:

@@ -25,13 +25,13 @@ class MountingOverride:
     """Mounting parameters that replace those of a run, e.g. after a calibration."""
 
     scanner_position: tuple[float, float, float] | None = None
-    "Position of the scanner in the body frame: forward, left, up [m]."
+    "Measured position of the scanner in the body frame: forward, left, up [m]."
 
     scanner_rotation: tuple[float, float, float] | None = None
     "Roll, pitch, yaw of the scanner in the body [rad]."
 
     scanner_clock: float | None = None
-    "Added to the time stamps of the scanner to give true time [s]."
+    "Correction of the time stamps of the scanner: true time less stamp [s]."
 
     def over(self, mounting: Mounting) -> Mounting:
         """Mounting of a run, with the given parameters replaced.

@@ -131,6 +131,7 @@ def georeference_run(
     *,
     screening: Screening = Screening(),
     range_noise: float = 0.0005,
+    lane: int | None = None,
     progress: Progress = no_progress,
 ) -> Iterator[xr.Dataset]:
     """Points of all returns of a run, block by block.
@@ -143,6 +144,8 @@ def georeference_run(
         Which returns are flagged, and whether they are kept.
     range_noise : float
         Standard deviation of a range [m].
+    lane : int, optional
+        Number that is stored as ``lane`` of all points.
     progress : callable, optional
         Called with a task, the scans done and the total.
 
@@ -158,6 +161,7 @@ def georeference_run(
         record.mounting,
         screening=screening,
         range_noise=range_noise,
+        lane=lane,
     )
     for block in blocks:
         yield block
