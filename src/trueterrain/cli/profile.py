@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from trueterrain.core.progress import Progress
     from trueterrain.formats import PointFilter
-    from trueterrain.profile import EnvelopeSettings, SearchArea, TyreProfileSettings, WheelPath
+    from trueterrain.profile import EnvelopeSettings, PlaneCurve, SearchArea, TyreProfileSettings
     from trueterrain.profile.extract import Ground
 
 StatisticName = Literal[
@@ -207,7 +207,7 @@ def profile(
 
 def _extract_profile(
     ground: "Ground",
-    path: "WheelPath | None",
+    path: "PlaneCurve | None",
     options: "TyreProfileSettings",
     rolling: "EnvelopeSettings | None",
     progress: "Progress",
@@ -270,7 +270,7 @@ def _ground_and_path(
     area: "SearchArea",
     crs: str | None,
     only: "PointFilter | None",
-) -> "tuple[Ground, WheelPath]":
+) -> "tuple[Ground, PlaneCurve]":
     """Ground and path; a point cloud is read block by block, near the path only."""
     from trueterrain import formats
     from trueterrain.formats.point_filter import classes_needed

@@ -11,7 +11,7 @@ from trueterrain.core.errors import CoverageError
 from trueterrain.core.schemas import make_profile
 from trueterrain.formats.table import read_waypoints
 from trueterrain.profile import (
-    WheelPath,
+    PlaneCurve,
     offset_path,
     point_profile,
     straight_path,
@@ -163,7 +163,7 @@ def rate_wheel_paths(
     return pairs
 
 
-def _covered_path(surface: xr.Dataset, settings: ProfilePathSettings) -> WheelPath:
+def _covered_path(surface: xr.Dataset, settings: ProfilePathSettings) -> PlaneCurve:
     """Part of a path under which the surface lies, search areas included."""
     if settings.offset is not None:
         path = offset_path(surface, settings.offset, spacing=settings.spacing)

@@ -37,7 +37,8 @@ def station_path(cloud: CloudPass, settings: CellSettings) -> ReferencePath:
         return straight
     whole = Overlap(names=(cloud.name, cloud.name), cells=(cells, cells), key=cells.covered)
     try:
-        return centre_reference(whole, spacing=straight.spacing, smoothing=10 * straight.spacing)
+        spacing = straight.curve.spacing
+        return centre_reference(whole, spacing=spacing, smoothing=10 * spacing)
     except CoverageError:
         return straight  # scattered pieces have no centre line
 

@@ -104,10 +104,10 @@ def path_of_stations(path: ReferencePath) -> PassPath:
     callable
         Easting, northing [m] and heading [rad] as functions of station [m].
     """
-    heading = np.unwrap(path.heading)
+    heading = np.unwrap(path.curve.heading)
 
     def at(station: Floats) -> tuple[Floats, Floats, Floats]:
-        easting, northing = path.at(station)
-        return easting, northing, np.interp(station, path.station, heading)
+        easting, northing = path.curve.position_at(station)
+        return easting, northing, np.interp(station, path.curve.s, heading)
 
     return at

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.geometry.path import WheelPath
+from trueterrain.geometry.curve import PlaneCurve
 from trueterrain.profile.area import EDGE_TOLERANCE, SearchArea, area_reach
 from trueterrain.profile.distribution import HeightDistributions
 
@@ -16,7 +16,7 @@ Integer = npt.NDArray[np.int64]
 Fill = Callable[..., object]
 
 #: Counts the heights of each path point, and returns a function that writes them.
-Gatherer = Callable[[WheelPath], tuple[Integer, Fill]]
+Gatherer = Callable[[PlaneCurve], tuple[Integer, Fill]]
 
 #: Start and outputs of a kernel that only counts.
 COUNT_ONLY: tuple[Integer, Float, Float, Float] = (
@@ -33,7 +33,7 @@ _LEVEL_ITERATIONS = 50
 
 
 def distributions_along(
-    gather: Gatherer, path: WheelPath, *, level: bool = False
+    gather: Gatherer, path: PlaneCurve, *, level: bool = False
 ) -> HeightDistributions:
     """Gather, level if asked, and sort the heights of each path point.
 
@@ -41,7 +41,7 @@ def distributions_along(
     ----------
     gather : Gatherer
         From `grid_gatherer` or `ScatteredHeights.gatherer`.
-    path : WheelPath
+    path : PlaneCurve
         Path points.
     level : bool
         Whether to subtract the slope of the ground inside each search area.
@@ -70,6 +70,6 @@ def kernel_area(area: SearchArea) -> tuple[int, Float, float]:
     return int(area.shape), np.array(area.half_axes) + EDGE_TOLERANCE, area_reach(area)
 
 
-def path_arrays(path: WheelPath) -> tuple[Float, Float]:
+def path_arrays(path: PlaneCurve) -> tuple[Float, Float]:
     """Positions (s, 2) and headings (s,) of a path, as the kernels take them."""
     return np.stack([path.easting, path.northing], axis=1), np.ascontiguousarray(path.heading)

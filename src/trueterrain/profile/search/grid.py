@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.geometry.curve import PlaneCurve
 from trueterrain.geometry.grid_frame import GridFrame, grid_frame, xy_to_uv
-from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import SearchArea, area_reach
 from trueterrain.profile.search.gather import COUNT_ONLY, Fill, Gatherer, kernel_area, path_arrays
 from trueterrain.profile.search.scattered import ScatteredHeights
@@ -43,12 +43,12 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
     from trueterrain.profile.search._kernels import gather_grid
 
     frame = grid_frame(surface)
-    origin = np.stack([frame.origin_easting, frame.origin_northing], axis=1)
-    normal = np.stack([frame.normal_easting, frame.normal_northing], axis=1)
+    _, *lines = frame.sections
+    origin, normal = np.stack(lines[:2], axis=1), np.stack(lines[2:], axis=1)
     dims = ("u", "v") if "u" in surface.dims else ("easting", "northing")
     height = np.ascontiguousarray(surface.height.transpose(*dims), dtype=float)
 
-    def gather(path: WheelPath) -> tuple[Integer, Fill]:
+    def gather(path: PlaneCurve) -> tuple[Integer, Fill]:
         u, _ = xy_to_uv(frame, path.easting, path.northing)
         row = np.searchsorted(frame.u, u, side="right") - 1
         row = np.where(np.isnan(u), -1, np.clip(row, 0, frame.u.size - 2))
@@ -75,25 +75,17 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
 
 
 def _search_scattered(
-    frame: GridFrame, height: Float, path: WheelPath, some: Integer, area: SearchArea
+    frame: GridFrame, height: Float, path: PlaneCurve, some: Integer, area: SearchArea
 ) -> tuple[Integer, Fill]:
     """Gather the nodes in some search areas by searching them as scattered points."""
-    some_path = WheelPath(
-        s=path.s[some],
-        easting=path.easting[some],
-        northing=path.northing[some],
-        heading=path.heading[some],
-        length=path.length,
-    )
+    some_path = path.take(some)
     scattered = ScatteredHeights(some_path, area)
     at, _ = path_arrays(some_path)
     for begin in range(0, frame.u.size, _ROWS):
         cut = slice(begin, begin + _ROWS)
-        origin = np.stack([frame.origin_easting[cut], frame.origin_northing[cut]], axis=-1)
-        normal = np.stack([frame.normal_easting[cut], frame.normal_northing[cut]], axis=-1)
-        ends = np.concatenate([origin + v * normal for v in frame.v[[0, -1]]])
+        easting, northing = frame.nodes(cut)
+        ends = np.stack([easting[:, [0, -1]].ravel(), northing[:, [0, -1]].ravel()], axis=1)
         low, high = ends.min(axis=0) - area_reach(area), ends.max(axis=0) + area_reach(area)
         if ((at >= low) & (at <= high)).all(axis=1).any():
-            nodes = origin[:, None] + frame.v[:, None] * normal[:, None]
-            scattered.add_heights(nodes[..., 0].ravel(), nodes[..., 1].ravel(), height[cut].ravel())
+            scattered.add_heights(easting.ravel(), northing.ravel(), height[cut].ravel())
     return scattered.gatherer()(some_path)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.geometry.path import WheelPath
+from trueterrain.geometry.curve import PlaneCurve
 from trueterrain.profile.area import SearchArea, area_reach
 from trueterrain.profile.search.gather import COUNT_ONLY, Fill, Gatherer, kernel_area, path_arrays
 
@@ -25,13 +25,13 @@ class ScatteredHeights:
 
     Parameters
     ----------
-    path : WheelPath
+    path : PlaneCurve
         Path points.
     area : Disc, Ellipse or Rectangle
         Search area.
     """
 
-    def __init__(self, path: WheelPath, area: SearchArea) -> None:
+    def __init__(self, path: PlaneCurve, area: SearchArea) -> None:
         from trueterrain.profile.search._kernels import number_cells
 
         self._area = area
@@ -118,7 +118,7 @@ class ScatteredHeights:
         begin, order = sort_into_cells(cell, self._cell_count)
         points = points[order]
 
-        def gather(path: WheelPath) -> tuple[Integer, Fill]:
+        def gather(path: PlaneCurve) -> tuple[Integer, Fill]:
             at, heading = path_arrays(path)
 
             def run(start: Integer, *output: Float) -> Integer:
