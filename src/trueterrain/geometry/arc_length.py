@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.geometry.stations import point_count
+from trueterrain.geometry.stations import equal_stations
 
 Float = npt.NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class ParametricCurve:
     "Ascending parameter values; the curve runs from the first to the last."
 
 
-def equidistant_parameters(curve: ParametricCurve, spacing: float) -> tuple[Float, float]:
+def equidistant_parameters(curve: ParametricCurve, spacing: float) -> tuple[Float, Float, float]:
     """Parameters of points at equal arc length.
 
     Parameters
@@ -53,14 +53,19 @@ def equidistant_parameters(curve: ParametricCurve, spacing: float) -> tuple[Floa
 
     Returns
     -------
-    parameters : numpy.ndarray, shape (n,)
-        Parameter of each point; the first is the curve's start.
+    stations, parameters : numpy.ndarray, shape (n,)
+        Arc length [m] and parameter of each point; the first is the curve's start.
     length : float
         Length of the whole curve [m].
+
+    Raises
+    ------
+    ValueError
+        If the curve is shorter than the spacing.
     """
     panels, cumulative = _split_panels(curve, spacing)
     length = float(cumulative[-1])
-    targets = spacing * np.arange(point_count(length, spacing))
+    targets = equal_stations(length, spacing)
     panel = np.clip(np.searchsorted(cumulative, targets, side="right") - 1, 0, panels.size - 2)
     wanted = targets - cumulative[panel]
     tolerance = max(PANEL_TOLERANCE * spacing, 4 * np.finfo(float).eps * length)
@@ -68,7 +73,7 @@ def equidistant_parameters(curve: ParametricCurve, spacing: float) -> tuple[Floa
         _solve_parameter(curve, panels[panel[cut]], panels[panel[cut] + 1], wanted[cut], tolerance)
         for cut in (slice(begin, begin + _BLOCK) for begin in range(0, targets.size, _BLOCK))
     ]
-    return np.concatenate(solved), length
+    return targets, np.concatenate(solved), length
 
 
 def _panel_lengths(curve: ParametricCurve, begin: Float, end: Float) -> Float:

@@ -72,6 +72,12 @@ class PlaneCurve:
     def __len__(self) -> int:
         return self.s.size
 
+    def __getitem__(self, index: slice | npt.NDArray[np.int64]) -> "PlaneCurve":
+        """Some of the points, with the same stations, as an open curve."""
+        names = ("s", "easting", "northing", "heading")
+        arrays: dict[str, Any] = {name: getattr(self, name)[index] for name in names}
+        return replace(self, closed=False, **arrays)
+
     @cached_property
     def spacing(self) -> float:
         """Distance from one point to the next, which must be equal [m]."""
@@ -114,24 +120,7 @@ class PlaneCurve:
         PlaneCurve
             Views of the same arrays, with the same stations.
         """
-        return self.take(slice(begin, end))
-
-    def take(self, index: slice | npt.NDArray[np.int64]) -> "PlaneCurve":
-        """Some of the points, with the same stations.
-
-        Parameters
-        ----------
-        index : slice or numpy.ndarray of int
-            Which points.
-
-        Returns
-        -------
-        PlaneCurve
-            An open curve of the same length.
-        """
-        names = ("s", "easting", "northing", "heading")
-        arrays: dict[str, Any] = {name: getattr(self, name)[index] for name in names}
-        return replace(self, closed=False, **arrays)
+        return self[begin:end]
 
     def extend(self, count: int) -> "PlaneCurve":
         """Curve with more points before its first and after its last one, equally spaced.

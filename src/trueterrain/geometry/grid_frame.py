@@ -9,17 +9,9 @@ import xarray as xr
 
 from trueterrain.geometry import _kernels
 from trueterrain.geometry._kernels import CrossSections
-from trueterrain.geometry._strips import EDGE, Strips
+from trueterrain.geometry._strips import EDGE as EDGE
+from trueterrain.geometry._strips import Strips
 from trueterrain.geometry.curve import PlaneCurve, curve_of_points
-
-__all__ = [
-    "EDGE",
-    "GridFrame",
-    "grid_frame",
-    "interpolate_bilinear",
-    "uv_to_xy",
-    "xy_to_uv",
-]
 
 Floats = npt.NDArray[np.float64]
 

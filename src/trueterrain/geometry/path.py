@@ -348,8 +348,7 @@ def polyline_path(
 
 
 def _sample_curve(curve: ParametricCurve, spacing: float) -> PlaneCurve:
-    t, length = equidistant_parameters(curve, spacing)
-    s = equal_stations(length, spacing)
+    s, t, length = equidistant_parameters(curve, spacing)
     at, velocity = curve.position(t), curve.velocity(t)
     # where the curve halts to turn back, its velocity tells no direction: that of arrival counts
     still = np.hypot(*velocity.T) <= _STILL * length / (curve.breaks[-1] - curve.breaks[0])

@@ -49,39 +49,17 @@ def equal_stations(length: float, spacing: float) -> Floats:
         If the spacing is not greater than 0 or longer than the curve, or leaves too many points.
     """
     require_spacing(spacing)
-    count = point_count(length, spacing)
-    if count < 2:
-        message = f"the path is {length:g} m long, shorter than the spacing of {spacing:g} m."
-        raise ValueError(message)
-    return spacing * np.arange(count, dtype=np.float64)
-
-
-def point_count(length: float, spacing: float) -> int:
-    """Number of points at equal spacing that fit on a length, both ends counted.
-
-    Parameters
-    ----------
-    length, spacing : float
-        Length of the curve and spacing of the points [m].
-
-    Returns
-    -------
-    int
-        A remainder of less than one millionth of the spacing counts as round-off.
-
-    Raises
-    ------
-    ValueError
-        If there are more than `MOST_POINTS`.
-    """
-    count = np.floor(length / spacing + 1e-6) + 1
+    count = np.floor(length / spacing + 1e-6) + 1  # less than that is round-off
     if not count <= MOST_POINTS:
         message = (
             f"spacing must leave at most {MOST_POINTS:,} points on a path of {length:g} m, "
             f"got {spacing:g} m: choose a coarser one."
         )
         raise ValueError(message)
-    return int(count)
+    if count < 2:
+        message = f"the path is {length:g} m long, shorter than the spacing of {spacing:g} m."
+        raise ValueError(message)
+    return spacing * np.arange(count)
 
 
 def require_spacing(spacing: float) -> None:

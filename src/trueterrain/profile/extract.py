@@ -111,7 +111,7 @@ def tyre_profile(
     begin, size = 0, _FIRST_BLOCK
     while begin < len(path):
         block = slice(begin, min(begin + size, len(path)))
-        distributions = distributions_along(gather, path.take(block), level=level)
+        distributions = distributions_along(gather, path[block], level=level)
         height[block], sd[block] = statistic.estimate(distributions)
         count[block] = distributions.count
         begin, size = block.stop, _next_size(distributions)

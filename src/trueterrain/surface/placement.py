@@ -124,7 +124,7 @@ class GridPlacement:
         met = _find_self_overlap(grid)
         if met is not None and self.lap:
             whole = int(np.searchsorted(line.curve.s, met[1])) - 1
-            lap = ReferenceLine(curve=line.curve.part(0, whole), elevation=line.elevation[:whole])
+            lap = ReferenceLine(curve=line.curve[:whole], elevation=line.elevation[:whole])
             return grid_along(lap, right=right, left=left, spacing=self.across)
         if met is not None:
             raise CoverageError(
@@ -277,17 +277,10 @@ def _scanner_positions(record: PassRecord) -> npt.NDArray[Any]:
 
 def _lateral_extent(line: ReferenceLine, positions: npt.NDArray[Any]) -> tuple[float, float]:
     """Largest offsets of positions to the right and to the left of a line, at least 0 m."""
-    from scipy.spatial import KDTree
-
-    nodes = np.stack([line.curve.easting, line.curve.northing], axis=1)
-    chord = np.diff(nodes, axis=0)
-    along = np.concatenate([chord, chord[-1:]]) / line.curve.spacing
-    away, nearest = KDTree(nodes).query(positions[:, :2])
-    offset = positions[:, :2] - nodes[nearest]
+    found = line.curve.project(positions[:, 0], positions[:, 1])
     # positions before the start or beyond the end of the line have no offset
-    inside = (nearest > 0) & (nearest < len(nodes) - 1) & np.isfinite(away)
-    v = (along[nearest, 0] * offset[:, 1] - along[nearest, 1] * offset[:, 0])[inside]
-    return float(v.min(initial=0.0)), float(v.max(initial=0.0))
+    offset = found.offset[~found.beyond]
+    return float(offset.min(initial=0.0)), float(offset.max(initial=0.0))
 
 
 def _bounding_box(positions: npt.NDArray[Any]) -> Four:

@@ -78,7 +78,7 @@ def _search_scattered(
     frame: GridFrame, height: Float, path: PlaneCurve, some: Integer, area: SearchArea
 ) -> tuple[Integer, Fill]:
     """Gather the nodes in some search areas by searching them as scattered points."""
-    some_path = path.take(some)
+    some_path = path[some]
     scattered = ScatteredHeights(some_path, area)
     at, _ = path_arrays(some_path)
     for begin in range(0, frame.u.size, _ROWS):
