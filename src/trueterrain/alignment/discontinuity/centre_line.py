@@ -111,14 +111,15 @@ def follow_centre(overlap: Overlap, path: ReferencePath, *, length: float = 0.4)
     ReferencePath
         With new ``lateral``; interpolated where there is no overlap.
     """
+    curve = path.curve
     key = part_of_path(overlap, path)
     key = key if key.size else overlap.key
     centre, _ = cross_extent(key, overlap.cell, path, max(length, overlap.cell))
     known = np.isfinite(centre)
-    period = path.curve.length if path.curve.closed else None
+    period = curve.length if curve.closed else None
     lateral = np.zeros(known.size)
     if known.any():
-        lateral = np.interp(path.curve.s, path.curve.s[known], centre[known], period=period)
+        lateral = np.interp(curve.s, curve.s[known], centre[known], period=period)
     return replace(path, lateral=lateral)
 
 
@@ -228,18 +229,17 @@ def cross_extent(
     """
     found = path.locate(*cell_centres(key, cell))
     station, offset = found.station[~found.beyond], found.offset[~found.beyond]
-    begin, end = path.curve.s - length / 2, path.curve.s + length / 2
-    if path.curve.closed:
-        station = np.concatenate(
-            [station - path.curve.length, station, station + path.curve.length]
-        )
+    curve = path.curve
+    begin, end = curve.s - length / 2, curve.s + length / 2
+    if curve.closed:
+        station = np.concatenate([station - curve.length, station, station + curve.length])
         offset = np.tile(offset, 3)
     order = np.argsort(station, kind="stable")
     station, sums = station[order], np.append(0.0, np.cumsum(offset[order]))
     first, last = np.searchsorted(station, begin), np.searchsorted(station, end)
     count = last - first
-    if not path.curve.closed:
-        begin, end = np.maximum(begin, 0.0), np.minimum(end, path.curve.length)
+    if not curve.closed:
+        begin, end = np.maximum(begin, 0.0), np.minimum(end, curve.length)
     with np.errstate(invalid="ignore"):
         centre = (sums[last] - sums[first]) / np.where(count, count, np.nan)
     return centre, np.where(count, count * cell**2 / (end - begin), np.nan)

@@ -292,18 +292,15 @@ def _pixel_note(raster: _RasterImage, cell: float) -> str:
 
 
 def _station_part(path: "ReferencePath", part: tuple[float, float] | None) -> tuple[float, float]:
+    length = path.curve.length
     if part is None:
-        centre, half = 0.5 * path.curve.length, 0.5 * _PART
-        return (
-            (0.0, path.curve.length)
-            if path.curve.length <= _WHOLE
-            else (centre - half, centre + half)
-        )
+        centre, half = 0.5 * length, 0.5 * _PART
+        return (0.0, length) if length <= _WHOLE else (centre - half, centre + half)
     begin, end = part
     if not begin < end:
         message = f"part must be two stations that ascend [m], got {begin} and {end}."
         raise ValueError(message)
-    return max(begin, 0.0), min(end, path.curve.length)
+    return max(begin, 0.0), min(end, length)
 
 
 def _cells_near(
@@ -318,9 +315,8 @@ def _cells_near(
 
     at = np.stack(cell_centres(key, cell))
     whole = part[0] <= 0 and part[1] >= path.curve.length
-    for axis, nodes in zip(
-        (0, 1), (path.curve.easting[shown], path.curve.northing[shown]), strict=True
-    ):
+    near = path.curve[shown]
+    for axis, nodes in zip((0, 1), (near.easting, near.northing), strict=True):
         margin = np.inf if whole else _MARGIN
         at = at[:, (at[axis] >= nodes.min() - margin) & (at[axis] <= nodes.max() + margin)]
     if whole:
@@ -340,13 +336,8 @@ def _draw_areas(
     from trueterrain.alignment.discontinuity.alignment import SearchDisc
 
     area = area or SearchDisc()
-    ax.plot(
-        path.curve.easting,
-        path.curve.northing,
-        color="black",
-        linewidth=1.3,
-        label="reference path",
-    )
+    line = path.curve.easting, path.curve.northing
+    ax.plot(*line, color="black", linewidth=1.3, label="reference path")
     long, wide = (2.0 * half for half in area.half_axes)
     easting, northing = path.places
     picked = shown[
