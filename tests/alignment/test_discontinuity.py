@@ -236,7 +236,8 @@ def test_histograms_hold_all_heights_of_both_passes() -> None:
     k = 30
     for row, (name, points) in enumerate(passes.items()):
         assert vector.names[row] == name
-        away = np.hypot(points.easting - middle.easting[k], points.northing - middle.northing[k])
+        x, y = middle.curve.easting[k], middle.curve.northing[k]
+        away = np.hypot(points.easting - x, points.northing - y)
         inside = np.sort(points.up.values[away <= OPTIONS.radius])
         edges, quantity = vector.histograms[row][k]
         assert quantity.sum() == vector.count[row, k] == inside.size
