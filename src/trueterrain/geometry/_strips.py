@@ -105,7 +105,7 @@ class Strips:
 
     @cached_property
     def index(self) -> StripIndex:
-        """Index of the strips, of a size that does not depend on the extent of the curve."""
+        """Index of the strips; its size is bounded, however long the curve is."""
         chords = np.stack([np.diff(at) for at in self._sections[1:3]], axis=1)
         lengths = np.hypot(*chords.T)
         strips = lengths.size
