@@ -15,7 +15,7 @@ from trueterrain.profile import (
     RadialSpringTyre,
     RigidDisc,
     TandemCams,
-    WheelPath,
+    PlaneCurve,
     offset_path,
     tyre_envelope,
 )
@@ -53,7 +53,7 @@ def bench() -> list[dict[str, Any]]:
     return [on_a_line(path, height[:, 60]), *(cost(surface, path, *row) for row in BUDGETS)]
 
 
-def on_a_line(path: WheelPath, height: np.ndarray) -> dict[str, Any]:
+def on_a_line(path: PlaneCurve, height: np.ndarray) -> dict[str, Any]:
     """Microseconds per sample of a disc along a profile."""
     profile, disc = make_profile(path.s, height), RigidDisc()
     tyre_envelope(profile.isel(s=slice(0, 1000)), tyre=disc)  # compile
@@ -75,7 +75,7 @@ def on_a_line(path: WheelPath, height: np.ndarray) -> dict[str, Any]:
 
 
 def cost(
-    surface: xr.Dataset, path: WheelPath, name: str, tyre: Envelope, budget: float
+    surface: xr.Dataset, path: PlaneCurve, name: str, tyre: Envelope, budget: float
 ) -> dict[str, Any]:
     """Microseconds per path point of one envelope."""
     tyre_envelope(surface, path.part(0, 1000), tyre=tyre)  # compile

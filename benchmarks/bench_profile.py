@@ -9,7 +9,7 @@ import xarray as xr
 from scipy.spatial import cKDTree
 
 from trueterrain.core.schemas import make_points, make_surface
-from trueterrain.profile import Disc, WheelPath, offset_path, straight_path, tyre_profile
+from trueterrain.profile import Disc, PlaneCurve, offset_path, straight_path, tyre_profile
 from trueterrain.profile.area import EDGE_TOLERANCE
 
 POINTS = 20_000_000
@@ -50,7 +50,7 @@ def scattered_medians() -> dict[str, Any]:
     }
 
 
-def tree_medians(points: xr.Dataset, path: WheelPath) -> np.ndarray:
+def tree_medians(points: xr.Dataset, path: PlaneCurve) -> np.ndarray:
     """Disc medians as one would write them with scipy and numpy."""
     tree = cKDTree(np.stack([points.easting, points.northing], axis=1))
     at = np.stack([path.easting, path.northing], axis=1)

@@ -185,6 +185,7 @@ _RENAMED = {
     "RideNumberOptions": ("roughness", "RideNumberSettings"),
     "PointFilter": ("formats", "PointFilter"),
     "Scene": ("scenes", "Scene"),
+    "WheelPath": ("paths", "PlaneCurve"),
     "check_run": ("formats.run", "check_run"),
     **{
         name: ("ground", name)
@@ -203,7 +204,7 @@ _RENAMED = {
     },
     **{
         name: ("paths", name)
-        for name in ("WheelPath", "arc_path", "curve_path", "function_path", "polyline_path")
+        for name in ("arc_path", "curve_path", "function_path", "polyline_path")
     },
     **{name: ("profile", name) for name in ("Ellipse", "Rectangle")},
     **{

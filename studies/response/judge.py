@@ -9,7 +9,7 @@ from reductions import CAR, Reduce, reductions, reference
 from roads import OFFSETS, Course
 from spectra import DRAWN, REFERENCE, Which, densities
 from trueterrain.core.schemas import make_profile
-from trueterrain.profile import WheelPath
+from trueterrain.profile import PlaneCurve
 from trueterrain.roughness import iri
 from trueterrain.verify.response import QUANTITIES, compare_responses, vehicle_response
 
@@ -18,7 +18,7 @@ WEIGHT = 9.81 * (QUARTER.sprung_mass + QUARTER.unsprung_mass)  # [N]
 LEAD = 1.5  # [s] of the transient of the vehicle, left out of the comparison
 OTHER_TYRE = "envelope on the surface", "tandem cams"  # a reference of another kind
 
-Strips = list[tuple[xr.Dataset, WheelPath]]
+Strips = list[tuple[xr.Dataset, PlaneCurve]]
 
 
 @dataclass(frozen=True, kw_only=True)

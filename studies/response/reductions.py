@@ -22,7 +22,7 @@ from trueterrain.profile import (
     Statistic,
     SteepestCpf,
     TandemCams,
-    WheelPath,
+    PlaneCurve,
     Window,
     point_profile,
     tyre_envelope,
@@ -36,7 +36,7 @@ TYRE = RadialSpringTyre.of(PASSENGER_TYRE, load=LOAD)
 STEP = 0.005  # [m] between samples of the ground along which tyres roll
 RADII = (10, 25, 50, 75, 100)  # [mm] of search areas
 
-Reduce = Callable[[xr.Dataset, WheelPath], xr.Dataset]
+Reduce = Callable[[xr.Dataset, PlaneCurve], xr.Dataset]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ class Reduction:
     "Function from surface and path to the profile."
 
 
-def reference(surface: xr.Dataset, path: WheelPath) -> xr.Dataset:
+def reference(surface: xr.Dataset, path: PlaneCurve) -> xr.Dataset:
     """Deformable tyre on the whole surface."""
     return tyre_envelope(surface, path, tyre=TYRE, step=STEP)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from trueterrain.profile import WheelPath, straight_path
+from trueterrain.profile import PlaneCurve, straight_path
 from trueterrain.simulate.ground import (
     BelgianBlock,
     Cracks,
@@ -45,18 +45,18 @@ class Course:
     speed: float
     "Speed [km/h]."
 
-    def strips(self) -> list[tuple[xr.Dataset, WheelPath]]:
+    def strips(self) -> list[tuple[xr.Dataset, PlaneCurve]]:
         """Surface and path of each wheel, left and right."""
         ground = self.ground()
         return [self._strip(ground, offset, HALF_WIDTH) for offset in OFFSETS.values()]
 
-    def strip(self, wheel: str, half_width: float) -> tuple[xr.Dataset, WheelPath]:
+    def strip(self, wheel: str, half_width: float) -> tuple[xr.Dataset, PlaneCurve]:
         """Surface and path of one wheel, as wide as asked for."""
         return self._strip(self.ground(), OFFSETS[wheel], half_width)
 
     def _strip(
         self, ground: Ground, offset: float, half_width: float
-    ) -> tuple[xr.Dataset, WheelPath]:
+    ) -> tuple[xr.Dataset, PlaneCurve]:
         across = GRID * np.arange(round(2 * half_width / GRID) + 1) - half_width
         along = GRID * np.arange(round((self.length + 2 * ENDS) / GRID) + 1)
         surface = sample_surface(ground, easting=along, northing=offset + across)

@@ -276,7 +276,7 @@ def test_missing_time_and_path_are_errors():
 
 def alignment(path, height):
     """Correction of one of two passes along a path; the other is fixed."""
-    one = StationCorrection(path=path, height=height, begin=0.0, end=path.length)
+    one = StationCorrection(path=path, height=height, begin=0.0, end=path.curve.length)
     return PassAlignment(
         settings=DiscontinuitySettings(),
         names=("a", "b"),
@@ -304,12 +304,12 @@ def test_runs_and_points_are_corrected_by_the_same_station(bent):
             }
         )
         path = straight_reference((-5.0, 1.0), (50.0, 1.0))
-    height = 0.01 * np.sin(path.station / 4.0)
+    height = 0.01 * np.sin(path.curve.s / 4.0)
     found = alignment(path, height)
     moved = trajectory_along(trajectory, found, "b")
     at = path.locate(trajectory.position[:, 0], trajectory.position[:, 1]).station
     lowered = trajectory.position[:, 2] - moved.position[:, 2]
-    assert_allclose(lowered, np.interp(at, path.station, height), rtol=0, atol=EXACT)
+    assert_allclose(lowered, np.interp(at, path.curve.s, height), rtol=0, atol=EXACT)
     assert np.ptp(lowered) > 0.015  # [m]
     for left in (2.0, -2.0):
         arm = [0.0, left, -HEIGHT]
@@ -327,7 +327,7 @@ def test_runs_and_points_are_corrected_by_the_same_station(bent):
 def test_velocity_along_a_path_is_the_derivative_of_the_height():
     trajectory = driving()
     path = polar_reference((0.0, RADIUS), RADIUS, start_angle=-0.6 * np.pi)
-    moved = trajectory_along(trajectory, alignment(path, 0.01 * np.sin(path.station / 4.0)), "b")
+    moved = trajectory_along(trajectory, alignment(path, 0.01 * np.sin(path.curve.s / 4.0)), "b")
     slope = np.gradient(moved.position[:, 2], moved.time)
     assert_allclose(moved.velocity[:, 2], slope, rtol=0, atol=EXACT)
     for name in ("time", "quaternion", "angular_velocity", "covariance", "flag"):
@@ -338,7 +338,7 @@ def test_velocity_along_a_path_is_the_derivative_of_the_height():
 def test_a_fixed_pass_keeps_its_trajectory():
     trajectory = driving()
     path = straight_reference((-5.0, 1.0), (50.0, 1.0))
-    found = alignment(path, np.ones(path.station.size))
+    found = alignment(path, np.ones(path.curve.s.size))
     assert_array_equal(trajectory_along(trajectory, found, "a").position, trajectory.position)
     with pytest.raises(ValueError, match="name must be one of a, b, got 'c'"):
         trajectory_along(trajectory, found, "c")

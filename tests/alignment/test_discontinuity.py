@@ -120,8 +120,8 @@ def test_drift_between_two_passes_is_divided_equally(ground, curve) -> None:
 def true_station(path: ReferencePath, curve: CurveFunction) -> np.ndarray:
     """True stations of the reference points."""
     if curve is circle:
-        return RADIUS * np.unwrap(np.arctan2(path.northing, path.easting))
-    return 0.8 * (path.easting - 650_000) + 0.6 * (path.northing - 6_800_000)
+        return RADIUS * np.unwrap(np.arctan2(path.curve.northing, path.curve.easting))
+    return 0.8 * (path.curve.easting - 650_000) + 0.6 * (path.curve.northing - 6_800_000)
 
 
 def test_the_correction_of_flat_ground_is_the_filtered_drift() -> None:
@@ -184,8 +184,8 @@ def test_a_closed_course_is_found_by_itself() -> None:
         "outer": one_pass(-0.6, 0.3, curve=ring, end=around, spacing=0.03, seed=2),
     }
     found = align_along_paths(passes)
-    assert found.pairs[0].path.closed
-    assert found.pairs[0].path.length == pytest.approx(around, abs=0.2)
+    assert found.pairs[0].path.curve.closed
+    assert found.pairs[0].path.curve.length == pytest.approx(around, abs=0.2)
     # the part of the wave that the filter does not pass stays, half of it at each edge
     assert found.pairs[0].seam_after.median < 0.5 * AMPLITUDE * (1 - PASSED)
 
@@ -236,7 +236,8 @@ def test_histograms_hold_all_heights_of_both_passes() -> None:
     k = 30
     for row, (name, points) in enumerate(passes.items()):
         assert vector.names[row] == name
-        away = np.hypot(points.easting - middle.easting[k], points.northing - middle.northing[k])
+        x, y = middle.curve.easting[k], middle.curve.northing[k]
+        away = np.hypot(points.easting - x, points.northing - y)
         inside = np.sort(points.up.values[away <= OPTIONS.radius])
         edges, quantity = vector.histograms[row][k]
         assert quantity.sum() == vector.count[row, k] == inside.size
@@ -571,7 +572,7 @@ def test_stations_of_one_path_count_for_all_pairs() -> None:
     assert {one.names[1] for one in found.pairs} == {"inner", "outer"}
     for one in found.pairs:
         assert not one.discontinuity.gap.any()
-        wanted = wave_around(one.path.station)
+        wanted = wave_around(one.path.curve.s)
         npt.assert_allclose(one.discontinuity.filtered[1], wanted, rtol=0, atol=2 * DRIFT)
 
 

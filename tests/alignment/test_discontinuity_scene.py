@@ -91,7 +91,9 @@ def test_the_drift_that_was_injected_is_what_is_found(driven, aligned) -> None:
     vector = found.discontinuity
     # where the laser, 2.25 m behind the body, is at each time
     behind = {
-        name: np.interp(found.path.easting, truth.true_time * SPEED + 5.0 - 2.25, truth.drift_up)
+        name: np.interp(
+            found.path.curve.easting, truth.true_time * SPEED + 5.0 - 2.25, truth.drift_up
+        )
         for name, truth in truths.items()
     }
     injected = behind["left"] - behind["right"]

@@ -25,6 +25,7 @@ from trueterrain.alignment.observations.overlap import (
 from trueterrain.alignment.observations.sparse_sums import pack_cell
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.schemas import make_points
+from trueterrain.geometry.curve import curve_of_points
 
 EXACT = 1e-9  # [m] round-off
 SPLINE = 1e-5  # [m] a cubic spline through waypoints 1 m apart on a circle of 30 m
@@ -55,9 +56,9 @@ def overlap_along(curve, length: float) -> Overlap:
 
 def test_straight_paths_have_equal_steps_and_stations() -> None:
     path = straight_reference((10, 20), (16, 28), spacing=0.5)
-    assert path.easting.size == 21
-    assert path.length == pytest.approx(10.0, abs=EXACT)
-    npt.assert_allclose(path.heading, np.arctan2(8, 6), rtol=0, atol=EXACT)
+    assert path.curve.easting.size == 21
+    assert path.curve.length == pytest.approx(10.0, abs=EXACT)
+    npt.assert_allclose(path.curve.heading, np.arctan2(8, 6), rtol=0, atol=EXACT)
     s, v = np.array([0.0, 3.3, 9.9]), np.array([0.0, 2.0, -30.0])  # beyond the wide strip as well
     found = path.locate(10 + 0.6 * s - 0.8 * v, 20 + 0.8 * s + 0.6 * v)
     npt.assert_allclose(found.station, s, rtol=0, atol=EXACT)
@@ -81,9 +82,11 @@ def test_positions_that_are_not_finite_have_no_station() -> None:
 def test_waypoints_on_an_arc_give_arc_lengths() -> None:
     s = np.arange(0, 60.5, 1.0)
     path = waypoint_reference(*on_circle(s))
-    npt.assert_allclose(np.hypot(path.easting, path.northing), RADIUS, rtol=0, atol=SPLINE)
-    wanted = on_circle(path.station)
-    npt.assert_allclose((path.easting, path.northing), wanted, rtol=0, atol=10 * SPLINE)
+    npt.assert_allclose(
+        np.hypot(path.curve.easting, path.curve.northing), RADIUS, rtol=0, atol=SPLINE
+    )
+    wanted = on_circle(path.curve.s)
+    npt.assert_allclose((path.curve.easting, path.curve.northing), wanted, rtol=0, atol=10 * SPLINE)
     places, offset = np.array([5.03, 31.4, 55.5]), np.array([2.0, -7.0, 0.1])
     found = path.locate(*on_circle(places, offset))
     npt.assert_allclose(found.station, places, rtol=0, atol=CHORD)
@@ -94,13 +97,16 @@ def test_a_closed_path_is_periodic() -> None:
     s = np.linspace(0, 2 * np.pi * RADIUS, 180, endpoint=False)
     for repeated in (s, np.append(s, 0.0)):
         ring = waypoint_reference(*on_circle(repeated), closed=True)
-        assert ring.length == pytest.approx(2 * np.pi * RADIUS, abs=1e-4)
-        gap = np.hypot(ring.easting[0] - ring.easting[-1], ring.northing[0] - ring.northing[-1])
-        assert gap == pytest.approx(ring.spacing, abs=SPLINE)
+        assert ring.curve.length == pytest.approx(2 * np.pi * RADIUS, abs=1e-4)
+        gap = np.hypot(
+            ring.curve.easting[0] - ring.curve.easting[-1],
+            ring.curve.northing[0] - ring.curve.northing[-1],
+        )
+        assert gap == pytest.approx(ring.curve.spacing, abs=SPLINE)
     near_start = np.array([-0.4, -1e-4, 0.0, 1e-4, 0.4])
     found = ring.locate(*on_circle(near_start, 1.0))
     npt.assert_allclose(
-        (found.station + 1) % ring.length - 1, near_start, rtol=0, atol=1e-4 + CHORD
+        (found.station + 1) % ring.curve.length - 1, near_start, rtol=0, atol=1e-4 + CHORD
     )
     assert not found.beyond.any()
 
@@ -113,7 +119,7 @@ def test_polar_stations_are_angles_times_the_radius(clockwise) -> None:
     found = path.locate(
         5.0 + radius * np.cos(0.5 + curve * angle), -3.0 + radius * np.sin(0.5 + curve * angle)
     )
-    circumference = path.length
+    circumference = path.curve.length
     assert circumference == pytest.approx(40 * np.pi, abs=EXACT)
     off = (found.station - 20 * angle + 1) % circumference - 1
     npt.assert_allclose(off, 0.0, rtol=0, atol=1e-6)
@@ -123,7 +129,7 @@ def test_polar_stations_are_angles_times_the_radius(clockwise) -> None:
 def test_at_is_the_inverse_of_locate() -> None:
     path = waypoint_reference(*on_circle(np.arange(0, 60.5, 1.0)))
     s, v = np.array([1.03, 20.2, 58.0]), np.array([1.5, -2.0, 0.0])
-    found = path.locate(*path.at(s, v))
+    found = path.locate(*path.curve.position_at(s, v))
     npt.assert_allclose(found.station, s, rtol=0, atol=1e-4)
     npt.assert_allclose(found.offset, v, rtol=0, atol=CHORD)
 
@@ -140,9 +146,9 @@ def test_at_is_the_inverse_of_locate() -> None:
 def test_the_centre_of_an_overlap_is_found(curve, length) -> None:
     overlap = overlap_along(curve, length)
     path = centre_reference(overlap)
-    assert not path.closed
+    assert not path.curve.closed
     truth = waypoint_reference(*curve(np.linspace(0, length, 200), np.zeros(200)))
-    found = truth.locate(path.easting, path.northing)
+    found = truth.locate(path.curve.easting, path.curve.northing)
     npt.assert_allclose(found.offset, 0.0, rtol=0, atol=3 * MIDDLE)
     assert np.sqrt(np.mean(found.offset**2)) < MIDDLE
     assert np.ptp(found.station) > length - 1.0
@@ -154,10 +160,12 @@ def test_the_centre_of_an_overlap_is_found(curve, length) -> None:
 def test_the_centre_of_a_ring_is_found_closed() -> None:
     overlap = overlap_along(on_circle, 2 * np.pi * RADIUS)
     path = centre_reference(overlap)
-    assert path.closed
-    npt.assert_allclose(np.hypot(path.easting, path.northing), RADIUS, rtol=0, atol=2 * MIDDLE)
-    assert path.length == pytest.approx(2 * np.pi * RADIUS, abs=0.2)
-    turn = np.unwrap(path.heading)
+    assert path.curve.closed
+    npt.assert_allclose(
+        np.hypot(path.curve.easting, path.curve.northing), RADIUS, rtol=0, atol=2 * MIDDLE
+    )
+    assert path.curve.length == pytest.approx(2 * np.pi * RADIUS, abs=0.2)
+    turn = np.unwrap(path.curve.heading)
     assert turn[-1] > turn[0]  # counter-clockwise
 
 
@@ -171,8 +179,8 @@ def test_pieces_of_an_overlap_are_joined() -> None:
         )
     ]
     path = centre_reference(find_overlap(left, occupied_cells(rights, 0.1)))
-    assert path.length == pytest.approx(30.0, abs=1.0)
-    npt.assert_allclose(path.northing, 0.0, rtol=0, atol=3 * MIDDLE)
+    assert path.curve.length == pytest.approx(30.0, abs=1.0)
+    npt.assert_allclose(path.curve.northing, 0.0, rtol=0, atol=3 * MIDDLE)
 
 
 def test_search_areas_follow_a_winding_overlap_and_the_path_does_not() -> None:
@@ -181,7 +189,9 @@ def test_search_areas_follow_a_winding_overlap_and_the_path_does_not() -> None:
 
     overlap = overlap_along(swaying, 25.0)
     path = centre_reference(overlap)
-    npt.assert_allclose(path.northing[8:-8], 0.0, rtol=0, atol=0.05)  # [m] a quarter of the sway
+    npt.assert_allclose(
+        path.curve.northing[8:-8], 0.0, rtol=0, atol=0.05
+    )  # [m] a quarter of the sway
     moved = follow_centre(overlap, path)
     x, y = moved.places
     inner = slice(4, -4)
@@ -190,7 +200,7 @@ def test_search_areas_follow_a_winding_overlap_and_the_path_does_not() -> None:
     npt.assert_allclose(
         y[inner], 0.2 * np.sin(2 * np.pi * x[inner] / 2.8), rtol=0, atol=0.2 * 0.033 + 0.05
     )
-    npt.assert_array_equal(moved.easting, path.easting)
+    npt.assert_array_equal(moved.curve.easting, path.curve.easting)
 
 
 def test_overlaps_without_length_are_refused() -> None:
@@ -214,17 +224,18 @@ def test_overlaps_without_length_are_refused() -> None:
         (lambda: waypoint_reference([0, 1], [0, 1], closed=True), "at least 3 different"),
         (lambda: polar_reference((0, 0), -1.0), "radius greater than 0 m"),
         (lambda: polar_reference((0, 0), 1.0, spacing=-1), "spacing must be greater"),
+        (lambda: curve_of_points(np.zeros(2), np.zeros(2), np.zeros(3)), "at least 2 points"),
+        (lambda: curve_of_points(np.zeros(1), np.zeros(1), np.zeros(1)), "at least 2 points"),
         (
-            lambda: ReferencePath(easting=np.zeros(2), northing=np.zeros(3), spacing=1.0),
-            "arrays of one length",
-        ),
-        (
-            lambda: ReferencePath(easting=np.zeros(1), northing=np.zeros(1), spacing=1.0),
-            "at least 2 reference points",
+            lambda: ReferencePath(
+                curve=curve_of_points(np.arange(2.0), np.zeros(2), np.ones(2), closed=True)
+            ),
+            "at least 3 points, got 2",
         ),
         (
             lambda: ReferencePath(
-                easting=np.zeros(2), northing=np.arange(2.0), spacing=1.0, lateral=np.zeros(3)
+                curve=curve_of_points(np.arange(2.0), np.zeros(2), np.arange(2.0)),
+                lateral=np.zeros(3),
             ),
             "lateral must hold",
         ),

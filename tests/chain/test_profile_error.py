@@ -70,15 +70,15 @@ class Certificate:
 
     def _true_cells(self, moved):
         """Mean heights of the true ground in cells that are moved ahead."""
-        at = self._grid.line.easting + moved
+        at = self._grid.line.curve.easting + moved
         ends = [np.interp(at + half * SPACING, self._edges, self._sum) for half in (-0.5, 0.5)]
         return (ends[1] - ends[0]) / SPACING
 
     def _truth(self):
-        line, width = self._grid.line, self._grid.v.size
+        line, width = self._grid.line.curve, self._grid.v.size
         true = make_surface(
             np.repeat(self._true_cells(0.0)[:, None], width, axis=1),
-            u=line.u,
+            u=line.s,
             v=self._grid.v,
             easting=line.easting,
             northing=line.northing,

@@ -23,9 +23,9 @@ from trueterrain.profile import (
     Mean,
     Median,
     Percentile,
+    PlaneCurve,
     Rectangle,
     SteepestCpf,
-    WheelPath,
     Window,
     height_distributions,
     offset_path,
@@ -588,7 +588,7 @@ def test_a_curved_path_over_the_grid_is_where_the_ground_says():
     u, v = np.linspace(50.2, 51.8, 40), np.linspace(-0.3, 0.3, 40)
     easting, northing = uv_to_xy(grid_frame(road), u, v)
     s = np.arange(40.0)
-    path = WheelPath(s=s, easting=easting, northing=northing, heading=0 * s, length=39.0)
+    path = PlaneCurve(s=s, easting=easting, northing=northing, heading=0 * s, length=39.0)
     drawn = figures.surface_map(road, path=dataclasses.replace(path)).lines[1].get_xydata()
     # [m] `xy_to_uv` solves for u within its own edge tolerance at coordinates of some km
     npt.assert_allclose(drawn, np.stack([u, v], 1), rtol=0, atol=1e-9)

@@ -579,7 +579,9 @@ def test_both_passes_and_their_overlap_are_distinguished():
     assert legend_texts(ax)[:4] == ["left", "right", "both", "reference path"]
     colours = [to_hex(image.cmap(image.norm(value))) for value in (1, 2, 3)]
     assert len(set(colours)) == 3
-    npt.assert_array_equal(line(ax, "reference path"), [pair.path.easting, pair.path.northing])
+    npt.assert_array_equal(
+        line(ax, "reference path"), [pair.path.curve.easting, pair.path.curve.northing]
+    )
     assert "equal scale" in notes(ax)
 
 
@@ -593,7 +595,7 @@ def test_some_search_areas_are_drawn_at_their_reference_points():
     for ring in rings:
         nearest = np.argmin(np.hypot(*(places - ring.get_center()).T))
         npt.assert_allclose(places[nearest], ring.get_center(), **EXACT)
-        assert 5.0 <= pair.path.station[nearest] <= 8.0
+        assert 5.0 <= pair.path.curve.s[nearest] <= 8.0
         npt.assert_allclose([ring.get_width(), ring.get_height()], 0.4, **EXACT)
     assert np.ptp(ax.images[0].get_extent()[:2]) < 3.5
     assert "station 5 m to 8 m of" in notes(ax)

@@ -10,9 +10,9 @@ from trueterrain.core.schemas import make_points, make_surface
 from trueterrain.profile import (
     Disc,
     Ellipse,
+    PlaneCurve,
     Rectangle,
     TyreProfileSettings,
-    WheelPath,
     height_distributions,
     straight_path,
 )
@@ -25,7 +25,7 @@ AREAS += [Rectangle(length=0.05, width=0.11), Rectangle(length=0.2, width=0.005)
 
 def single(easting, northing, heading=0.0):
     """Path of a single point."""
-    return WheelPath(
+    return PlaneCurve(
         s=np.zeros(1),
         easting=np.array([easting], float),
         northing=np.array([northing], float),

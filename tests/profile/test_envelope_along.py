@@ -10,7 +10,7 @@ from trueterrain.core.schemas import check_profile, make_points, make_profile, m
 from trueterrain.formats import opencrg
 from trueterrain.profile import (
     Median,
-    WheelPath,
+    PlaneCurve,
     arc_path,
     offset_path,
     point_profile,
@@ -226,7 +226,7 @@ def test_invalid_arguments_are_refused():
         tyre_envelope(uneven)
     with pytest.raises(CoverageError, match="at least 2 points"):
         tyre_envelope(make_profile([0.0], [0.0]))
-    uneven = WheelPath(
+    uneven = PlaneCurve(
         s=np.array([0.0, 0.1, 0.3]),
         easting=np.array([0.5, 0.6, 0.8]),
         northing=np.zeros(3),
@@ -237,7 +237,7 @@ def test_invalid_arguments_are_refused():
         tyre_envelope(road, uneven)
     with pytest.raises(ValueError, match="path must not be given with a profile"):
         tyre_envelope(profile, path)
-    with pytest.raises(TypeError, match="path must be a WheelPath, after the ground, got None"):
+    with pytest.raises(TypeError, match="path must be a PlaneCurve, after the ground, got None"):
         tyre_envelope(road)
     for bad, says in [
         ({"min_cover": 0.0}, "min_cover must be greater than 0 and at most 1"),

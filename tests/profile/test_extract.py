@@ -20,9 +20,9 @@ from trueterrain.profile import (
     Mean,
     Median,
     Percentile,
+    PlaneCurve,
     Rectangle,
     SteepestCpf,
-    WheelPath,
     Window,
     height_distributions,
     offset_path,
@@ -397,7 +397,7 @@ def test_a_point_profile_needs_a_height_everywhere():
 
 
 def test_a_single_path_point_has_a_profile():
-    one = WheelPath(
+    one = PlaneCurve(
         s=np.zeros(1), easting=np.zeros(1), northing=np.zeros(1), heading=np.zeros(1), length=0.0
     )
     assert tyre_profile(chart(plane(0, 0, 2.0)), one).height.values.tolist() == [2.0]
@@ -465,5 +465,5 @@ def test_ground_and_path_in_the_wrong_order_are_refused(extract):
     surface = road(0.3, lambda e, n: 0 * e)
     path = straight_path((-0.05, 0.0), (0.05, 0.0), spacing=0.01)
     for arguments in ((path, surface), (surface, surface)):
-        with pytest.raises(TypeError, match="path must be a WheelPath, after the ground, got Dat"):
+        with pytest.raises(TypeError, match="path must be a PlaneCurve, after the ground, got Dat"):
             extract(*arguments)

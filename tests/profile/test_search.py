@@ -16,9 +16,9 @@ from trueterrain.profile import (
     Mean,
     Median,
     Percentile,
+    PlaneCurve,
     Rectangle,
     SteepestCpf,
-    WheelPath,
     Window,
     height_distributions,
     offset_path,
@@ -180,7 +180,7 @@ def test_a_path_over_the_same_ground_twice_gathers_it_twice():
     points = random_points(5000)
     there = straight_path((0.5, 0.3), (3.5, 0.3), spacing=0.05)
     back = straight_path((3.5, 0.3), (0.5, 0.3), spacing=0.05)
-    both = WheelPath(
+    both = PlaneCurve(
         s=np.arange(2.0 * len(there)),
         easting=np.concatenate([there.easting, back.easting]),
         northing=np.concatenate([there.northing, back.northing]),

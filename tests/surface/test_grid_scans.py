@@ -231,7 +231,8 @@ def test_returns_far_off_the_line_do_no_harm(drive):
     """A grid of the whole oval, of which a part is driven, and one that is elsewhere."""
     driven = drive(OVAL, start=52.0)
     grid = grid_of(driven)
-    moved = replace(grid.line, easting=grid.line.easting + 500.0)
+    curve = grid.line.curve
+    moved = replace(grid.line, curve=replace(curve, easting=curve.easting + 500.0))
     sums = sums_of(driven, grid_along(moved, right=-1.7, left=1.7))
     assert (sums.return_totals.used, sums.return_totals.outside) == (
         0,

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from trueterrain.core import Progress
     from trueterrain.formats import PointFilter
-    from trueterrain.profile import WheelPath
+    from trueterrain.profile import PlaneCurve
 
 _MAX_CELLS = 1024  # cells per axis of the mask of points near a path
 
@@ -134,13 +134,13 @@ class PointsAlong:
     ----------
     blocks : iterator of xarray.Dataset
         Points.
-    path : WheelPath
+    path : PlaneCurve
         Points of the path.
     reach : float
         Maximum distance from a point of the path [m].
     """
 
-    def __init__(self, blocks: "Iterator[xr.Dataset]", path: "WheelPath", reach: float) -> None:
+    def __init__(self, blocks: "Iterator[xr.Dataset]", path: "PlaneCurve", reach: float) -> None:
         import numpy as np
         from scipy.ndimage import binary_dilation
         from scipy.spatial import cKDTree

@@ -28,9 +28,9 @@ from trueterrain.formats.table import read_waypoints
 from trueterrain.geometry.crs import parse_crs
 from trueterrain.profile import (
     EnvelopeSettings,
+    PlaneCurve,
     SearchArea,
     TyreProfileSettings,
-    WheelPath,
     offset_path,
     straight_path,
     waypoint_path,
@@ -179,7 +179,7 @@ def _ground_and_path(
     area: SearchArea,
     crs: str | None,
     only: PointFilter | None,
-) -> tuple[Ground, WheelPath]:
+) -> tuple[Ground, PlaneCurve]:
     """Ground and path; a point cloud is read block by block, near the path only."""
     if along.count_paths() != 1:
         message = "name the path with exactly one of --offset, --line and --path."

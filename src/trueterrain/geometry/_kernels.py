@@ -1,8 +1,10 @@
-"""Loops over points and the strips of a grid frame; all checks are made by the callers.
+"""Loops over points and the strips of a curve; all checks are made by the callers.
 
 A *strip* i is the part of the road between the nodes i and i + 1 of its reference line, a *block*
 a run of strips, a *bucket* a square of ground that lists the blocks whose boxes touch it.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +13,43 @@ from trueterrain.core.kernels import compile_kernel
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+
+
+class CrossSections(NamedTuple):
+    """Where the cross-sections of a curve lie: at offset v, ``easting + v * normal_easting``."""
+
+    station: Floats
+    "Stations of the points of the curve, shape (s,) [m]."
+
+    easting: Floats
+    "Points of the curve, shape (s,) [m]."
+
+    northing: Floats
+    "Points of the curve, shape (s,) [m]."
+
+    normal_easting: Floats
+    "Direction per metre of offset, to the left, shape (s,) [m/m]."
+
+    normal_northing: Floats
+    "Direction per metre of offset, to the left, shape (s,) [m/m]."
+
+
+class StripIndex(NamedTuple):
+    """Which strips can hold a point: blocks of strips with their boxes, and buckets of blocks."""
+
+    right: float
+    left: float
+    edge: float
+    block_starts: npt.NDArray[np.int64]
+    boxes: Floats
+    scan_all: npt.NDArray[np.bool_]
+    bucket_starts: npt.NDArray[np.int64]
+    bucket_items: npt.NDArray[np.int32]
+    bucket_easting: float
+    bucket_northing: float
+    bucket_size: float
+    columns: int
+    rows: int
 
 
 @compile_kernel
@@ -44,18 +83,9 @@ def fill_buckets(
 
 
 @compile_kernel
-def to_xy(
-    nodes: Floats,
-    px: Floats,
-    py: Floats,
-    nx: Floats,
-    ny: Floats,
-    u: Floats,
-    v: Floats,
-    x: Floats,
-    y: Floats,
-) -> None:
+def place_points(sections: CrossSections, u: Floats, v: Floats, x: Floats, y: Floats) -> None:
     """Ground coordinates of (u, v); straight on beyond both ends."""
+    nodes, px, py, nx, ny = sections
     last = nodes.size - 2
     i = 0
     for k in range(u.size):
@@ -70,57 +100,39 @@ def to_xy(
 
 
 @compile_kernel
-def to_uv(
-    nodes: Floats,
-    px: Floats,
-    py: Floats,
-    nx: Floats,
-    ny: Floats,
-    v_right: float,
-    v_left: float,
-    edge: float,
-    block_starts: Integers,
-    boxes: Floats,
-    scan_all: npt.NDArray[np.bool_],
-    bucket_starts: Integers,
-    bucket_items: npt.NDArray[np.int32],
-    bucket_x: float,
-    bucket_y: float,
-    bucket_size: float,
-    columns: int,
-    rows: int,
-    x: Floats,
-    y: Floats,
-    u: Floats,
-    v: Floats,
+def locate_points(
+    sections: CrossSections, index: StripIndex, x: Floats, y: Floats, u: Floats, v: Floats
 ) -> None:
     """Grid coordinates of (x, y), NaN outside; of several hits the one nearest to the line."""
+    nodes = sections.station
+    v_right, v_left, edge = index.right, index.left, index.edge
+    boxes = index.boxes
     hint = 0
     for k in range(x.size):
         u[k] = np.nan
         v[k] = np.nan
-        column = (x[k] - bucket_x) / bucket_size
-        row = (y[k] - bucket_y) / bucket_size
+        column = (x[k] - index.bucket_easting) / index.bucket_size
+        row = (y[k] - index.bucket_northing) / index.bucket_size
         # written so that NaN fails too
-        if not (column >= 0 and row >= 0 and column < columns and row < rows):
+        if not (column >= 0 and row >= 0 and column < index.columns and row < index.rows):
             continue
-        bucket = int(row) * columns + int(column)
+        bucket = int(row) * index.columns + int(column)
         nearest = np.inf
-        for item in range(bucket_starts[bucket], bucket_starts[bucket + 1]):
-            b = bucket_items[item]
+        for item in range(index.bucket_starts[bucket], index.bucket_starts[bucket + 1]):
+            b = index.bucket_items[item]
             if x[k] < boxes[b, 0] or y[k] < boxes[b, 1]:
                 continue
             if x[k] > boxes[b, 2] or y[k] > boxes[b, 3]:
                 continue
-            first = block_starts[b]
-            end = block_starts[b + 1]
-            if scan_all[b]:
+            first = index.block_starts[b]
+            end = index.block_starts[b + 1]
+            if index.scan_all[b]:
                 low = first
             else:
-                low = _strip_in_block(px, py, nx, ny, first, end, hint, x[k], y[k])
+                low = _strip_in_block(sections, first, end, hint, x[k], y[k])
                 end = low + 1
             for i in range(low, end):
-                ahead, across = _in_strip(px, py, nx, ny, i, edge, x[k], y[k])
+                ahead, across = _in_strip(sections, i, edge, x[k], y[k])
                 if not (ahead >= 0 and across >= v_right - edge and across <= v_left + edge):
                     continue
                 across = min(max(across, v_right), v_left)
@@ -132,24 +144,15 @@ def to_uv(
 
 
 @compile_kernel
-def _section_side(
-    px: Floats, py: Floats, nx: Floats, ny: Floats, i: int, x: float, y: float
-) -> float:
+def _section_side(sections: CrossSections, i: int, x: float, y: float) -> float:
     """Positive if the point lies ahead of the cross-section through node i."""
+    _, px, py, nx, ny = sections
     return float((x - px[i]) * ny[i] - (y - py[i]) * nx[i])
 
 
 @compile_kernel
 def _strip_in_block(
-    px: Floats,
-    py: Floats,
-    nx: Floats,
-    ny: Floats,
-    first: int,
-    end: int,
-    hint: int,
-    x: float,
-    y: float,
+    sections: CrossSections, first: int, end: int, hint: int, x: float, y: float
 ) -> int:
     """Last strip of a block whose beginning is not ahead of the point.
 
@@ -157,15 +160,15 @@ def _strip_in_block(
     """
     if (
         first <= hint < end
-        and (hint == first or _section_side(px, py, nx, ny, hint, x, y) >= 0)
-        and (hint == end - 1 or _section_side(px, py, nx, ny, hint + 1, x, y) < 0)
+        and (hint == first or _section_side(sections, hint, x, y) >= 0)
+        and (hint == end - 1 or _section_side(sections, hint + 1, x, y) < 0)
     ):
         return hint
     low = first
     high = end - 1
     while low < high:
         middle = (low + high + 1) // 2
-        if _section_side(px, py, nx, ny, middle, x, y) >= 0:
+        if _section_side(sections, middle, x, y) >= 0:
             low = middle
         else:
             high = middle - 1
@@ -174,13 +177,14 @@ def _strip_in_block(
 
 @compile_kernel
 def _in_strip(
-    px: Floats, py: Floats, nx: Floats, ny: Floats, i: int, edge: float, x: float, y: float
+    sections: CrossSections, i: int, edge: float, x: float, y: float
 ) -> tuple[float, float]:
     """Fraction along and offset across strip i; fraction -1 if the point is not between its ends.
 
     Both normals of a strip reach equally far from its chord, so lines of equal offset are parallel
     to the chord and the offset is the distance from it.
     """
+    _, px, py, nx, ny = sections
     dx = px[i + 1] - px[i]
     dy = py[i + 1] - py[i]
     length = np.sqrt(dx * dx + dy * dy)

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.geometry.stations import equal_stations
+
 Float = npt.NDArray[np.float64]
 
 #: Error of the arc length over one panel, as a part of the spacing; the promise is 1e-6.
@@ -19,9 +21,6 @@ PANEL_TOLERANCE = 1e-9
 #: Round-off below which panels are not split further, as a part of the panel's length.
 ROUND_OFF = 1e-14
 
-#: Most points of a path: 1000 km at 10 mm, an array of which takes 0.8 GB.
-MOST_POINTS = 100_000_000
-
 _MAXIMUM_SPLITS = 48
 _MAXIMUM_NEWTON_STEPS = 60
 _BLOCK = 1 << 16  # points solved at a time, so that their quadrature stays in the caches
@@ -29,7 +28,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlaneCurve:
+class ParametricCurve:
     """A plane curve with a parameter, smooth between its breaks."""
 
     position: Callable[[Float], Float]
@@ -42,26 +41,31 @@ class PlaneCurve:
     "Ascending parameter values; the curve runs from the first to the last."
 
 
-def equidistant_parameters(curve: PlaneCurve, spacing: float) -> tuple[Float, float]:
+def equidistant_parameters(curve: ParametricCurve, spacing: float) -> tuple[Float, Float, float]:
     """Parameters of points at equal arc length.
 
     Parameters
     ----------
-    curve : Curve
+    curve : ParametricCurve
         The curve to walk along.
     spacing : float
         Arc length between two points [m].
 
     Returns
     -------
-    parameters : numpy.ndarray, shape (n,)
-        Parameter of each point; the first is the curve's start.
+    stations, parameters : numpy.ndarray, shape (n,)
+        Arc length [m] and parameter of each point; the first is the curve's start.
     length : float
         Length of the whole curve [m].
+
+    Raises
+    ------
+    ValueError
+        If the curve is shorter than the spacing.
     """
     panels, cumulative = _split_panels(curve, spacing)
     length = float(cumulative[-1])
-    targets = spacing * np.arange(point_count(length, spacing))
+    targets = equal_stations(length, spacing)
     panel = np.clip(np.searchsorted(cumulative, targets, side="right") - 1, 0, panels.size - 2)
     wanted = targets - cumulative[panel]
     tolerance = max(PANEL_TOLERANCE * spacing, 4 * np.finfo(float).eps * length)
@@ -69,38 +73,10 @@ def equidistant_parameters(curve: PlaneCurve, spacing: float) -> tuple[Float, fl
         _solve_parameter(curve, panels[panel[cut]], panels[panel[cut] + 1], wanted[cut], tolerance)
         for cut in (slice(begin, begin + _BLOCK) for begin in range(0, targets.size, _BLOCK))
     ]
-    return np.concatenate(solved), length
+    return targets, np.concatenate(solved), length
 
 
-def point_count(length: float, spacing: float) -> int:
-    """Number of points at equal spacing that fit on a length, both ends counted.
-
-    Parameters
-    ----------
-    length, spacing : float
-        Length of the path and spacing of the points [m].
-
-    Returns
-    -------
-    int
-        A remainder of less than one millionth of the spacing counts as round-off.
-
-    Raises
-    ------
-    ValueError
-        If there are more than `MOST_POINTS`.
-    """
-    count = np.floor(length / spacing + 1e-6) + 1
-    if not count <= MOST_POINTS:
-        message = (
-            f"spacing must leave at most {MOST_POINTS:,} points on a path of {length:g} m, "
-            f"got {spacing:g} m: choose a coarser one."
-        )
-        raise ValueError(message)
-    return int(count)
-
-
-def _panel_lengths(curve: PlaneCurve, begin: Float, end: Float) -> Float:
+def _panel_lengths(curve: ParametricCurve, begin: Float, end: Float) -> Float:
     half = 0.5 * (end - begin)
     t = 0.5 * (begin + end)[:, None] + half[:, None] * _NODES
     velocity = curve.velocity(t.ravel())
@@ -108,7 +84,7 @@ def _panel_lengths(curve: PlaneCurve, begin: Float, end: Float) -> Float:
     return np.asarray(half * (speed @ _WEIGHTS))
 
 
-def _split_panels(curve: PlaneCurve, spacing: float) -> tuple[Float, Float]:
+def _split_panels(curve: ParametricCurve, spacing: float) -> tuple[Float, Float]:
     """Split the curve until the quadrature of each panel agrees with that of its halves."""
     begin, end = curve.breaks[:-1], curve.breaks[1:]
     done: list[tuple[Float, Float]] = []
@@ -136,7 +112,7 @@ def _split_panels(curve: PlaneCurve, spacing: float) -> tuple[Float, Float]:
 
 
 def _solve_parameter(
-    curve: PlaneCurve, low: Float, high: Float, wanted: Float, tolerance: float
+    curve: ParametricCurve, low: Float, high: Float, wanted: Float, tolerance: float
 ) -> Float:
     """Newton's method held inside its bracket by bisection: the arc length is monotonic."""
     begin, low, high = low, low.copy(), high.copy()

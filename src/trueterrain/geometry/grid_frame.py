@@ -1,72 +1,70 @@
-"""Where the nodes of a surface lie on the ground, and which node lies where.
-
-The reference line is a polyline. Across each of its nodes runs a cross-section along the bisector
-of the two chords that meet there (their mitre), so a line of constant v runs parallel to the
-reference line at distance v: the geometry of OpenCRG, in which all chords are equally long.
-"""
+"""Where the nodes of a surface lie on the ground, and which node lies where."""
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.core.errors import SchemaError
 from trueterrain.geometry import _kernels
+from trueterrain.geometry._kernels import CrossSections
+from trueterrain.geometry._strips import EDGE as EDGE
+from trueterrain.geometry._strips import Strips
+from trueterrain.geometry.curve import PlaneCurve, curve_of_points
 
 Floats = npt.NDArray[np.float64]
-
-#: A point within this distance of the edge of a surface, or of a grid line, is on it [m].
-EDGE = 1e-9
-
-_SHARPEST_TURN = np.deg2rad(175)  # [rad] beyond, the mitre has no useful length
-_SCANNED_TURN = 1.5  # [rad] of turning in a block, beyond which all of its strips are looked at
-_MOST_BUCKETS = 1 << 20  # [1] so that the index of a long road stays small
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridFrame:
-    """Geometry of a surface: node (i, j) lies at ``origin[i] + v[j] * normal[i]``.
+    """Geometry of a surface: its node (i, j) lies at offset ``v[j]`` in cross-section i of a curve.
 
-    For a map, u is the easting axis, v the northing axis, and the normals point north.
+    A curve alone has no width: the frame adds the offsets, and the index by which points are
+    located between them. For a map, the curve is its easting axis, and v its northing axis.
     """
 
-    u: Floats
-    "Stations of the cross-sections [m], shape (nu,)."
+    curve: PlaneCurve
+    "Reference line, with a point for each row of nodes."
+
     v: Floats
-    "Offsets across, left positive [m], shape (nv,)."
-    origin_easting: Floats
-    "Nodes of the reference line [m], shape (nu,)."
-    origin_northing: Floats
-    "Nodes of the reference line [m], shape (nu,)."
-    normal_easting: Floats
-    "Direction of the cross-sections per metre of v [m/m], shape (nu,)."
-    normal_northing: Floats
-    "Direction of the cross-sections per metre of v [m/m], shape (nu,)."
+    "Offsets across, left positive, shape (v,) [m]."
+
+    @property
+    def u(self) -> Floats:
+        """Stations of the cross-sections, shape (u,) [m]."""
+        return self.sections.station
+
+    @property
+    def sections(self) -> CrossSections:
+        """Cross-sections of the curve."""
+        return self.curve.sections
+
+    @cached_property
+    def strips(self) -> Strips:
+        """Strips between the cross-sections, from the first to the last offset."""
+        return Strips(self.sections, self.v[0], self.v[-1])
 
     @property
     def edge(self) -> float:
-        """Distance within which a point is on the edge [m]: ``EDGE`` and the round-off here."""
-        largest = max(np.abs(self._edges).max(), np.abs(self.u).max(), np.abs(self.v).max())
-        return float(EDGE + 4 * np.spacing(largest))
+        """Distance within which a point is on the edge of the surface [m]."""
+        return self.strips.edge
 
-    @cached_property
-    def _edges(self) -> Floats:
-        """Right and left end of each cross-section [m], shape (nu, 2, 2)."""
-        ends = self.v[[0, -1]]
-        return np.stack(
-            [
-                self.origin_easting[:, None] + ends * self.normal_easting[:, None],
-                self.origin_northing[:, None] + ends * self.normal_northing[:, None],
-            ],
-            axis=-1,
-        )
+    def nodes(self, rows: slice = slice(None)) -> tuple[Floats, Floats]:
+        """Easting and northing of nodes.
 
-    @cached_property
-    def _index(self) -> "_Index":
-        return _build_index(self)
+        Parameters
+        ----------
+        rows : slice
+            Cross-sections; by default all.
+
+        Returns
+        -------
+        easting, northing : numpy.ndarray, shape (u, v)
+            Coordinates [m].
+        """
+        _, x, y, nx, ny = (at[rows, None] for at in self.sections)
+        return x + self.v * nx, y + self.v * ny
 
 
 def grid_frame(surface: xr.Dataset) -> GridFrame:
@@ -80,7 +78,7 @@ def grid_frame(surface: xr.Dataset) -> GridFrame:
     Returns
     -------
     GridFrame
-        Positions and cross directions of the cross-sections [m].
+        Its cross-sections and offsets.
 
     Raises
     ------
@@ -89,9 +87,8 @@ def grid_frame(surface: xr.Dataset) -> GridFrame:
 
     Notes
     -----
-    The cross direction at a node is ``(a + b) / (1 + a . b)`` with the unit normals `a` and `b` of
-    the chords before and after it; at the ends, the normal of the end chord. For chords of equal
-    length this is the map of the ASAM OpenCRG standard.
+    Across each node of the line runs a cross-section along the bisector of its two chords. For
+    chords of equal length this is the map of the ASAM OpenCRG standard.
 
     Examples
     --------
@@ -99,32 +96,23 @@ def grid_frame(surface: xr.Dataset) -> GridFrame:
     >>> bend = make_surface(np.zeros((3, 2)), u=[0, 1, 2], v=[0, 1], easting=[0, 1, 1],
     ...                     northing=[0, 0, 1])
     >>> frame = grid_frame(bend)
-    >>> frame.normal_easting, frame.normal_northing
+    >>> frame.sections.normal_easting, frame.sections.normal_northing
     (array([-0., -1., -1.]), array([1., 1., 0.]))
     """
-    if "u" not in surface.dims:
-        easting = _contiguous_floats(surface["easting"])
-        return GridFrame(
-            u=easting,
-            v=_contiguous_floats(surface["northing"]),
-            origin_easting=easting,
-            origin_northing=np.zeros_like(easting),
-            normal_easting=np.zeros_like(easting),
-            normal_northing=np.ones_like(easting),
+    if "u" in surface.dims:
+        u, easting, northing, heading = (
+            _contiguous_floats(surface[name]) for name in ("u", "easting", "northing", "heading")
         )
-    easting, northing = (
-        _contiguous_floats(surface["easting"]),
-        _contiguous_floats(surface["northing"]),
-    )
-    normal_easting, normal_northing = _mitre_normals(easting, northing)
-    return GridFrame(
-        u=_contiguous_floats(surface["u"]),
-        v=_contiguous_floats(surface["v"]),
-        origin_easting=easting,
-        origin_northing=northing,
-        normal_easting=normal_easting,
-        normal_northing=normal_northing,
-    )
+        curve = PlaneCurve(
+            s=u, easting=easting, northing=northing, heading=heading, length=float(u[-1] - u[0])
+        )
+        v = _contiguous_floats(surface["v"])
+    else:
+        axis = _contiguous_floats(surface["easting"])
+        curve = curve_of_points(axis, axis, np.zeros(axis.size))
+        v = _contiguous_floats(surface["northing"])
+    _ = curve.sections  # raises where the line has none
+    return GridFrame(curve=curve, v=v)
 
 
 def uv_to_xy(frame: GridFrame, u: npt.ArrayLike, v: npt.ArrayLike) -> tuple[Floats, Floats]:
@@ -152,7 +140,7 @@ def uv_to_xy(frame: GridFrame, u: npt.ArrayLike, v: npt.ArrayLike) -> tuple[Floa
     """
     u, v, shape = _broadcast_flat(u, v)
     easting, northing = np.empty(u.size), np.empty(u.size)
-    _kernels.to_xy(frame.u, *_section_lines(frame), u, v, easting, northing)
+    _kernels.place_points(frame.sections, u, v, easting, northing)
     return easting.reshape(shape), northing.reshape(shape)
 
 
@@ -188,19 +176,7 @@ def xy_to_uv(
     (array([2.5, nan]), array([ 1., nan]))
     """
     x, y, shape = _broadcast_flat(easting, northing)
-    u, v = np.empty(x.size), np.empty(x.size)
-    _kernels.to_uv(
-        frame.u,
-        *_section_lines(frame),
-        frame.v[0],
-        frame.v[-1],
-        frame.edge,
-        *frame._index,
-        x,
-        y,
-        u,
-        v,
-    )
+    u, v = frame.strips.locate(x, y)
     return u.reshape(shape), v.reshape(shape)
 
 
@@ -227,116 +203,6 @@ def interpolate_bilinear(
     z = np.empty(u.size)
     _kernels.interpolate_bilinear(frame.u, frame.v, height, frame.edge, u, v, z)
     return z.reshape(shape)
-
-
-class _Index(NamedTuple):
-    """Which strips of a surface can hold a point; see `_kernels.to_uv`."""
-
-    block_starts: npt.NDArray[np.int64]
-    boxes: Floats
-    scan_all: npt.NDArray[np.bool_]
-    bucket_starts: npt.NDArray[np.int64]
-    bucket_items: npt.NDArray[np.int32]
-    bucket_easting: float
-    bucket_northing: float
-    bucket_size: float
-    columns: int
-    rows: int
-
-
-def _build_index(frame: GridFrame) -> _Index:
-    strips = frame.u.size - 1
-    chords = np.diff(_section_origins(frame), axis=0)
-    lengths = np.hypot(*chords.T)
-    width = frame.v[-1] - frame.v[0]
-    # blocks about as long as the road is wide have the boxes that overlap least
-    per_block = int(np.clip(np.ceil(width / lengths.mean()), 4, max(4, strips)))
-    starts = np.append(np.arange(0, strips, per_block), strips)
-
-    corners = frame._edges
-    low = np.minimum(corners[:-1], corners[1:]).min(axis=1)
-    high = np.maximum(corners[:-1], corners[1:]).max(axis=1)
-    boxes = np.concatenate(
-        [
-            np.minimum.reduceat(low, starts[:-1]) - frame.edge,
-            np.maximum.reduceat(high, starts[:-1]) + frame.edge,
-        ],
-        axis=1,
-    )
-    scan_all = np.add.reduceat(_turn_angles(chords), starts[:-1]) > _SCANNED_TURN
-    scan_all |= np.logical_or.reduceat(_folded_strips(frame, chords, lengths), starts[:-1])
-
-    origin = boxes[:, :2].min(axis=0)
-    extent = boxes[:, 2:].max(axis=0) - origin
-    most = min(_MOST_BUCKETS, 16 * boxes.shape[0] + 64)
-    size = max(np.median(boxes[:, 2:] - boxes[:, :2]), np.sqrt(extent.prod() / most))
-    size = max(size, extent.max() / most)
-    columns, rows = (int(n) for n in extent / size + 1)
-    bucket_starts, items = _kernels.fill_buckets(boxes, *origin, size, columns, rows)
-    return _Index(
-        block_starts=starts,
-        boxes=boxes,
-        scan_all=scan_all,
-        bucket_starts=bucket_starts,
-        bucket_items=items,
-        bucket_easting=origin[0],
-        bucket_northing=origin[1],
-        bucket_size=float(size),
-        columns=columns,
-        rows=rows,
-    )
-
-
-def _turn_angles(chords: Floats) -> Floats:
-    """Angle between each chord and the next [rad]; the last has none."""
-    x, y = chords.T
-    cross, dot = x[:-1] * y[1:] - y[:-1] * x[1:], x[:-1] * x[1:] + y[:-1] * y[1:]
-    return np.append(np.abs(np.arctan2(cross, dot)), 0.0)
-
-
-def _folded_strips(frame: GridFrame, chords: Floats, lengths: Floats) -> npt.NDArray[np.bool_]:
-    """Whether the cross-sections at both ends of a strip meet within the road."""
-    right, left = np.diff(frame._edges, axis=0).transpose(1, 0, 2)
-    along = np.stack([(right * chords).sum(axis=1), (left * chords).sum(axis=1)])
-    return np.asarray((along <= 0).any(axis=0) | (lengths <= 0))
-
-
-def _mitre_normals(easting: Floats, northing: Floats) -> tuple[Floats, Floats]:
-    dx, dy = np.diff(easting), np.diff(northing)
-    lengths = np.hypot(dx, dy)
-    if not (lengths > 0).all():
-        at = int(np.flatnonzero(~(lengths > 0))[0])
-        raise SchemaError(
-            "coincide, so the line has no direction there",
-            place=f"reference line, nodes {at} and {at + 1}",
-            cure="Resample the reference line with chords of equal length.",
-        )
-    before = np.stack([-dy / lengths, dx / lengths])
-    before = np.concatenate([before[:, :1], before], axis=1)
-    after = np.concatenate([before[:, 1:], before[:, -1:]], axis=1)
-    cosine = (before * after).sum(axis=0)
-    if (cosine < np.cos(_SHARPEST_TURN)).any():
-        at = int(np.argmin(cosine))
-        raise SchemaError(
-            f"turns by {np.rad2deg(np.arccos(max(cosine[at], -1.0))):.0f} degrees and doubles back",
-            place=f"reference line, node {at}",
-            cure="Smooth and resample the reference line.",
-        )
-    normal = (before + after) / (1 + cosine)
-    return normal[0], normal[1]
-
-
-def _section_lines(frame: GridFrame) -> tuple[Floats, Floats, Floats, Floats]:
-    return (
-        frame.origin_easting,
-        frame.origin_northing,
-        frame.normal_easting,
-        frame.normal_northing,
-    )
-
-
-def _section_origins(frame: GridFrame) -> Floats:
-    return np.stack([frame.origin_easting, frame.origin_northing], axis=1)
 
 
 def _contiguous_floats(values: npt.ArrayLike) -> Floats:

@@ -5,15 +5,19 @@ reference line of a surface. Spacing is the arc length between two points; it is
 millionth of itself.
 """
 
+import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError
-from trueterrain.geometry.arc_length import PlaneCurve, equidistant_parameters, point_count
+from trueterrain.geometry.arc_length import ParametricCurve, equidistant_parameters
+from trueterrain.geometry.curve import PlaneCurve, polyline_curve
+from trueterrain.geometry.grid_frame import EDGE, grid_frame
+from trueterrain.geometry.stations import equal_stations, require_spacing
 
 Float = npt.NDArray[np.float64]
 
@@ -27,65 +31,9 @@ _GOLDEN = 0.6180339887498949
 _STILL = 1e-6  # part of the mean speed of the parameter, below which it tells no direction
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WheelPath:
-    """Points at equal arc length along the path of a wheel."""
-
-    s: Float
-    "Arc length from the start, shape (s,) [m]."
-
-    easting: Float
-    "Easting, shape (s,) [m]."
-
-    northing: Float
-    "Northing, shape (s,) [m]."
-
-    heading: Float
-    "Direction of travel, counter-clockwise from east, shape (s,) [rad]."
-
-    length: float
-    "Length of the whole path; the part after the last point is shorter than the spacing [m]."
-
-    def __post_init__(self) -> None:
-        """Check that the arrays fit together."""
-        shapes = {getattr(self, name).shape for name in ("s", "easting", "northing", "heading")}
-        if len(shapes) > 1 or self.s.ndim != 1:
-            message = "s, easting, northing and heading must be arrays (s,) of one length."
-            raise ValueError(message)
-        for name in ("s", "easting", "northing", "heading"):
-            if not (getattr(self, name).size and np.isfinite(getattr(self, name)).all()):
-                message = f"{name} must hold at least one value and finite ones only."
-                raise ValueError(message)
-
-    def __len__(self) -> int:
-        return self.s.size
-
-    def part(self, begin: int, end: int) -> "WheelPath":
-        """Points `begin` to `end` (not included) as a path of their own.
-
-        Parameters
-        ----------
-        begin, end : int
-            Indices as in a slice.
-
-        Returns
-        -------
-        WheelPath
-            Views of the same arrays.
-        """
-        cut = slice(begin, end)
-        return WheelPath(
-            s=self.s[cut],
-            easting=self.easting[cut],
-            northing=self.northing[cut],
-            heading=self.heading[cut],
-            length=self.length,
-        )
-
-
 def straight_path(
     start: tuple[float, float], end: tuple[float, float], *, spacing: float = 0.01
-) -> WheelPath:
+) -> PlaneCurve:
     """Straight line between two points.
 
     Parameters
@@ -97,7 +45,7 @@ def straight_path(
 
     Returns
     -------
-    WheelPath
+    PlaneCurve
         Points from `start` towards `end`.
 
     Raises
@@ -113,11 +61,13 @@ def straight_path(
     begin, finish = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     _require_finite("start and end", begin, finish)
     length = float(np.hypot(*(finish - begin)))
-    s = _equal_stations(length, spacing)
+    s = equal_stations(length, spacing)
     direction = (finish - begin) / length
     along = begin + s[:, None] * direction
     heading = np.full(s.shape, np.arctan2(direction[1], direction[0]))
-    return WheelPath(s=s, easting=along[:, 0], northing=along[:, 1], heading=heading, length=length)
+    return PlaneCurve(
+        s=s, easting=along[:, 0], northing=along[:, 1], heading=heading, length=length
+    )
 
 
 def arc_path(
@@ -127,7 +77,7 @@ def arc_path(
     end_angle: float,
     *,
     spacing: float = 0.01,
-) -> WheelPath:
+) -> PlaneCurve:
     """Arc of a circle.
 
     Parameters
@@ -144,7 +94,7 @@ def arc_path(
 
     Returns
     -------
-    WheelPath
+    PlaneCurve
         Points along the arc.
 
     Raises
@@ -165,9 +115,9 @@ def arc_path(
         raise ValueError(message)
     turn = end_angle - start_angle
     length = radius * abs(turn)
-    s = _equal_stations(length, spacing)
+    s = equal_stations(length, spacing)
     angle = start_angle + np.sign(turn) * s / radius
-    return WheelPath(
+    return PlaneCurve(
         s=s,
         easting=centre[0] + radius * np.cos(angle),
         northing=centre[1] + radius * np.sin(angle),
@@ -178,7 +128,7 @@ def arc_path(
 
 def function_path(
     function: Callable[[Float], Float], start: float, end: float, *, spacing: float = 0.01
-) -> WheelPath:
+) -> PlaneCurve:
     """Path along the graph of a function, northing over easting.
 
     In arc length, where the thesis steps by its Eqs. 5-3 to 5-5.
@@ -194,7 +144,7 @@ def function_path(
 
     Returns
     -------
-    WheelPath
+    PlaneCurve
         Points along the graph of the function.
 
     Raises
@@ -213,7 +163,7 @@ def function_path(
 
 def curve_path(
     position: Callable[[Float], Float], start: float, end: float, *, spacing: float = 0.01
-) -> WheelPath:
+) -> PlaneCurve:
     """Path along any smooth curve with a parameter: loops and vertical stretches are allowed.
 
     Parameters
@@ -227,7 +177,7 @@ def curve_path(
 
     Returns
     -------
-    WheelPath
+    PlaneCurve
         Points along the curve.
 
     Raises
@@ -243,7 +193,7 @@ def curve_path(
     """
     from scipy.interpolate import CubicSpline
 
-    _require_spacing(spacing)
+    require_spacing(spacing)
     _require_finite("start and end", start, end)
     if start == end:
         message = f"start and end must differ, both are {start}."
@@ -268,7 +218,7 @@ def curve_path(
         dense = np.hypot(*np.diff(at, axis=0).T).max() <= _SAMPLE_DISTANCE * spacing
         if dense and error <= max(CURVE_TOLERANCE * spacing, 4 * np.spacing(np.abs(at).max())):
             return _sample_curve(
-                PlaneCurve(position=spline, velocity=spline.derivative(), breaks=t), spacing
+                ParametricCurve(position=spline, velocity=spline.derivative(), breaks=t), spacing
             )
         samples = 2 * samples - 1
     message = (
@@ -280,7 +230,7 @@ def curve_path(
 
 def waypoint_path(
     easting: npt.ArrayLike, northing: npt.ArrayLike, *, spacing: float = 0.01
-) -> WheelPath:
+) -> PlaneCurve:
     """Path through waypoints: PCHIP of easting and northing over the chord length.
 
     PCHIP bends between the waypoints but never overshoots them. Since the chord length is the
@@ -295,7 +245,7 @@ def waypoint_path(
 
     Returns
     -------
-    WheelPath
+    PlaneCurve
         Points along the path.
 
     Raises
@@ -312,14 +262,14 @@ def waypoint_path(
     """
     from scipy.interpolate import PchipInterpolator
 
-    _require_spacing(spacing)
-    points, chord_length = _chord_nodes("waypoints", easting, northing)
-    pchip = PchipInterpolator(chord_length, points)
-    curve = PlaneCurve(position=pchip, velocity=pchip.derivative(), breaks=chord_length)
+    require_spacing(spacing)
+    chords = polyline_curve(easting, northing, what="waypoints")
+    pchip = PchipInterpolator(chords.s, np.stack([chords.easting, chords.northing], axis=-1))
+    curve = ParametricCurve(position=pchip, velocity=pchip.derivative(), breaks=chords.s)
     return _sample_curve(curve, spacing)
 
 
-def offset_path(surface: xr.Dataset, offset: float, *, spacing: float = 0.01) -> WheelPath:
+def offset_path(surface: xr.Dataset, offset: float, *, spacing: float = 0.01) -> PlaneCurve:
     """Path at a constant offset from the reference line of a surface.
 
     Parameters
@@ -333,7 +283,7 @@ def offset_path(surface: xr.Dataset, offset: float, *, spacing: float = 0.01) ->
 
     Returns
     -------
-    WheelPath
+    PlaneCurve
         Points along the parallel of the reference line, over its whole length.
 
     Raises
@@ -351,8 +301,6 @@ def offset_path(surface: xr.Dataset, offset: float, *, spacing: float = 0.01) ->
     >>> offset_path(road, 0.5, spacing=1.0).easting  # left of north is west
     array([-0.5, -0.5, -0.5])
     """
-    from trueterrain.geometry.grid_frame import EDGE, grid_frame
-
     if "u" not in surface.dims:
         raise CoverageError(
             "an offset needs a reference line, which only a surface along a road has",
@@ -365,17 +313,12 @@ def offset_path(surface: xr.Dataset, offset: float, *, spacing: float = 0.01) ->
             f"to {left:g} m",
             cure="Choose an offset between them.",
         )
-    frame = grid_frame(surface)
-    return polyline_path(
-        frame.origin_easting + offset * frame.normal_easting,
-        frame.origin_northing + offset * frame.normal_northing,
-        spacing=spacing,
-    )
+    return grid_frame(surface).curve.offset(offset).resample(spacing)
 
 
 def polyline_path(
     easting: npt.ArrayLike, northing: npt.ArrayLike, *, spacing: float = 0.01
-) -> WheelPath:
+) -> PlaneCurve:
     """Path along straight chords between nodes.
 
     Parameters
@@ -387,7 +330,7 @@ def polyline_path(
 
     Returns
     -------
-    WheelPath
+    PlaneCurve
         Points along the chords.
 
     Raises
@@ -401,30 +344,18 @@ def polyline_path(
     >>> polyline_path([0.0, 1.0, 1.0], [0.0, 0.0, 1.0], spacing=0.5).northing
     array([0. , 0. , 0. , 0.5, 1. ])
     """
-    nodes, cumulative = _chord_nodes("nodes", easting, northing)
-    x, y = nodes.T
-    s = _equal_stations(float(cumulative[-1]), spacing)
-    heading = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
-    chord = np.clip(np.searchsorted(cumulative, s, side="right") - 1, 0, heading.size - 1)
-    return WheelPath(
-        s=s,
-        easting=np.interp(s, cumulative, x),
-        northing=np.interp(s, cumulative, y),
-        heading=heading[chord],
-        length=float(cumulative[-1]),
-    )
+    return polyline_curve(easting, northing).resample(spacing)
 
 
-def _sample_curve(curve: PlaneCurve, spacing: float) -> WheelPath:
-    t, length = equidistant_parameters(curve, spacing)
-    _require_length(length, spacing)
+def _sample_curve(curve: ParametricCurve, spacing: float) -> PlaneCurve:
+    s, t, length = equidistant_parameters(curve, spacing)
     at, velocity = curve.position(t), curve.velocity(t)
     # where the curve halts to turn back, its velocity tells no direction: that of arrival counts
     still = np.hypot(*velocity.T) <= _STILL * length / (curve.breaks[-1] - curve.breaks[0])
     chord = np.diff(at, axis=0)
     velocity = np.where(still[:, None], np.concatenate([chord[:1], chord]), velocity)
-    return WheelPath(
-        s=spacing * np.arange(t.size, dtype=np.float64),
+    return PlaneCurve(
+        s=s,
         easting=np.ascontiguousarray(at[:, 0]),
         northing=np.ascontiguousarray(at[:, 1]),
         heading=np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0])),
@@ -432,44 +363,16 @@ def _sample_curve(curve: PlaneCurve, spacing: float) -> WheelPath:
     )
 
 
-def _chord_nodes(what: str, easting: npt.ArrayLike, northing: npt.ArrayLike) -> tuple[Float, Float]:
-    """Nodes (n, 2) of which no two in a row coincide, and the chord length up to each."""
-    x, y = np.asarray(easting, dtype=float), np.asarray(northing, dtype=float)
-    if x.ndim != 1 or x.shape != y.shape:
-        message = f"{what} must be two arrays of one length, got shapes {x.shape} and {y.shape}."
-        raise ValueError(message)
-    nodes = np.stack([x, y], axis=-1)
-    bad = np.flatnonzero(~np.isfinite(nodes).all(axis=-1))
-    if bad.size:
-        message = f"{what} must be finite, got {nodes[bad[0]]} at index {bad[0]}."
-        raise ValueError(message)
-    cumulative = np.cumsum(np.hypot(*np.diff(nodes, axis=0, prepend=nodes[:1]).T))
-    new = np.diff(cumulative, prepend=-1.0) > 0
-    if np.count_nonzero(new) < 2:
-        message = f"a path needs at least 2 different {what}, got {np.count_nonzero(new)}."
-        raise ValueError(message)
-    return nodes[new], cumulative[new]
-
-
-def _equal_stations(length: float, spacing: float) -> Float:
-    _require_spacing(spacing)
-    _require_length(length, spacing)
-    return spacing * np.arange(point_count(length, spacing), dtype=np.float64)
-
-
-def _require_spacing(spacing: float) -> None:
-    if not (spacing > 0 and np.isfinite(spacing)):
-        message = f"spacing must be greater than 0 m, got {spacing}."
-        raise ValueError(message)
-
-
-def _require_length(length: float, spacing: float) -> None:
-    if point_count(length, spacing) < 2:
-        message = f"the path is {length:g} m long, shorter than the spacing of {spacing:g} m."
-        raise ValueError(message)
-
-
 def _require_finite(what: str, *values: npt.ArrayLike) -> None:
     if not all(np.isfinite(value).all() for value in values):
         message = f"{what} must be finite, got {', '.join(str(value) for value in values)}."
         raise ValueError(message)
+
+
+def __getattr__(name: str) -> Any:
+    if name != "WheelPath":
+        message = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(message)
+    message = "WheelPath is PlaneCurve now; the old name goes with the next release."
+    warnings.warn(message, DeprecationWarning, stacklevel=2)
+    return PlaneCurve

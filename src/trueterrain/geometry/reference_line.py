@@ -14,6 +14,8 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from trueterrain.core.errors import CoverageError
+from trueterrain.geometry.curve import PlaneCurve, curve_of_points
+from trueterrain.geometry.stations import chord_lengths
 
 Floats = npt.NDArray[np.float64]
 
@@ -40,41 +42,24 @@ class MovingBody(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReferenceLine:
-    """Nodes that are equally far from each other."""
+    """Line that a grid follows: a plane curve of equal chords, with elevations.
 
-    u: Floats
-    "Stations, equally spaced, shape (u,) [m]."
+    A curve of its own kind, since OpenCRG defines the line by a constant increment and the headings
+    of its chords, and gives it heights.
+    """
 
-    easting: Floats
-    "Shape (u,) [m]."
-
-    northing: Floats
-    "Shape (u,) [m]."
+    curve: PlaneCurve
+    "Nodes, equally far from each other."
 
     elevation: Floats
     "Height of the line, part of no height of a surface along it, shape (u,) [m]."
 
     def __post_init__(self) -> None:
-        """Check shapes."""
-        for name in ("easting", "northing", "elevation"):
-            values = getattr(self, name)
-            if values.shape != self.u.shape or not np.isfinite(values).all():
-                message = f"{name} must hold a finite value for each station."
-                raise ValueError(message)
-        if self.u.ndim != 1 or self.u.size < 2:
-            message = "a reference line needs at least 2 nodes."
+        """Check that the nodes are equally spaced and have elevations."""
+        _ = self.curve.spacing
+        if self.elevation.shape != self.curve.s.shape or not np.isfinite(self.elevation).all():
+            message = "elevation must hold a finite value for each station."
             raise ValueError(message)
-
-    @property
-    def spacing(self) -> float:
-        """Length of the chords [m]."""
-        return float((self.u[-1] - self.u[0]) / (self.u.size - 1))
-
-    @property
-    def curvature(self) -> Floats:
-        """Curvature at the inner nodes, left positive, shape (u - 2,) [1/m]."""
-        x, y = np.diff(self.easting), np.diff(self.northing)
-        return np.asarray((x[:-1] * y[1:] - y[:-1] * x[1:]) / self.spacing**3)
 
 
 def straight_line(
@@ -101,7 +86,7 @@ def straight_line(
 
     Examples
     --------
-    >>> straight_line((0, 0), (0, 0.03)).northing
+    >>> straight_line((0, 0), (0, 0.03)).curve.northing
     array([0.  , 0.01, 0.02, 0.03])
     """
     step = require_millimetres(spacing, "spacing")
@@ -112,7 +97,7 @@ def straight_line(
         raise ValueError(message)
     u = np.round(np.arange(round(length / spacing) + 1) * step, 3)
     at = begin + u[:, None] * chord / length
-    return ReferenceLine(u=u, easting=at[:, 0], northing=at[:, 1], elevation=np.zeros(u.size))
+    return ReferenceLine(curve=curve_of_points(u, at[:, 0], at[:, 1]), elevation=np.zeros(u.size))
 
 
 def line_through(
@@ -156,16 +141,16 @@ def line_through(
     Examples
     --------
     >>> bend = np.linspace(0, 1, 50)
-    >>> line = line_through(20 * np.sin(bend), 20 - 20 * np.cos(bend), spacing=0.1)
-    >>> chords = np.hypot(np.diff(line.easting), np.diff(line.northing))
-    >>> np.round([chords.min(), chords.max(), line.curvature.mean()], 3)
+    >>> curve = line_through(20 * np.sin(bend), 20 - 20 * np.cos(bend), spacing=0.1).curve
+    >>> chords = np.hypot(np.diff(curve.easting), np.diff(curve.northing))
+    >>> np.round([chords.min(), chords.max(), curve.curvature.mean()], 3)
     array([0.1 , 0.1 , 0.05])
     """
     require_millimetres(spacing, "spacing")
     x, y = np.asarray(easting, float).ravel(), np.asarray(northing, float).ravel()
     z = np.zeros(x.size) if elevation is None else np.asarray(elevation, float).ravel()
     _check_waypoints(x, y, z, half_width, smoothing)
-    s = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    s = chord_lengths(x, y)
     kept = np.append(True, np.diff(s) > 0)
     if not s[-1] >= spacing:
         message = f"the waypoints must be at least {spacing:g} m apart, got {s[-1]:g} m."
@@ -174,7 +159,7 @@ def line_through(
     spline = CubicSpline(s[kept], path) if kept.sum() > 2 else _chord_spline(s[kept], path)
     while True:
         line = _equal_chords(_smooth_spline(spline, s[-1], smoothing), spacing)
-        sharpest = float(np.abs(line.curvature).max(initial=0.0))
+        sharpest = float(np.abs(line.curve.curvature).max(initial=0.0))
         if sharpest * half_width <= _BEND:
             return line
         smoothing = max(_SMOOTHER * smoothing, spacing, _COARSE)
@@ -291,7 +276,7 @@ def _check_waypoints(x: Floats, y: Floats, z: Floats, half_width: float, smoothi
 
 def _thin_points(x: Floats, y: Floats, least: float) -> tuple[Floats, Floats]:
     """Points of a path, at least so far apart that noise at rest does not curve it."""
-    s = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    s = chord_lengths(x, y)
     # some points on each stretch of that length are enough to choose from
     chosen = np.flatnonzero(np.diff(np.floor(s * (_FINE / least)), prepend=-1.0))
     kept = [0]
@@ -327,7 +312,7 @@ def _equal_chords(spline: CubicSpline, spacing: float) -> ReferenceLine:
     end = spline.x[-1]
     fine = np.linspace(0, end, max(int(np.ceil(_FINE * end / spacing)), 8) + 1)
     x, y = spline(fine)[:, :2].T
-    arc = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    arc = chord_lengths(x, y)
     count = int(arc[-1] / spacing + 1e-6)
     at = np.interp(np.arange(count + 1) * spacing, arc, fine)
     if count < 1:
@@ -345,4 +330,4 @@ def _equal_chords(spline: CubicSpline, spacing: float) -> ReferenceLine:
         # the length of a chord and that of its parameters are all but the same
         at = np.minimum(at - error * np.gradient(at) / spacing, end)
     u = np.round(np.arange(count + 1) * spacing, 3)
-    return ReferenceLine(u=u, easting=nodes[:, 0], northing=nodes[:, 1], elevation=nodes[:, 2])
+    return ReferenceLine(curve=curve_of_points(u, nodes[:, 0], nodes[:, 1]), elevation=nodes[:, 2])

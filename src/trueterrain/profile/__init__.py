@@ -4,8 +4,11 @@ A profile is a statistic of the heights in a search area around each path point 
 the envelope of a tyre model that rolls over the ground (`tyre_envelope`).
 """
 
+import warnings
+from typing import Any
+
+from trueterrain.geometry.curve import PlaneCurve
 from trueterrain.geometry.path import (
-    WheelPath,
     arc_path,
     curve_path,
     function_path,
@@ -57,6 +60,7 @@ __all__ = [
     "Median",
     "PatchMean",
     "Percentile",
+    "PlaneCurve",
     "RadialSpringTyre",
     "Rectangle",
     "RigidDisc",
@@ -66,7 +70,6 @@ __all__ = [
     "TandemCams",
     "TyreData",
     "TyreProfileSettings",
-    "WheelPath",
     "Window",
     "arc_path",
     "curve_path",
@@ -82,3 +85,12 @@ __all__ = [
     "tyre_profile",
     "waypoint_path",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name != "WheelPath":
+        message = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(message)
+    message = "WheelPath is PlaneCurve now; the old name goes with the next release."
+    warnings.warn(message, DeprecationWarning, stacklevel=2)
+    return PlaneCurve

@@ -10,7 +10,7 @@ from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.progress import Progress, no_progress
 from trueterrain.core.schemas import check_points, check_surface, kind_of, make_profile
-from trueterrain.geometry.path import WheelPath
+from trueterrain.geometry.curve import PlaneCurve
 from trueterrain.profile.area import Disc, SearchArea, area_reach
 from trueterrain.profile.distribution import HeightDistributions
 from trueterrain.profile.search.gather import (
@@ -35,7 +35,7 @@ _HEIGHTS = 1 << 22  # heights of a block, about 150 MB, for any search area
 
 def tyre_profile(
     ground: Ground,
-    path: WheelPath,
+    path: PlaneCurve,
     *,
     area: SearchArea = Disc(),
     statistic: Statistic = Median(),
@@ -53,7 +53,7 @@ def tyre_profile(
     ----------
     ground : xarray.Dataset or iterable of xarray.Dataset
         Surface, Points, or blocks of Points in any order.
-    path : WheelPath
+    path : PlaneCurve
         Path points.
     area : Disc, Ellipse or Rectangle
         Search area around each path point; the thesis's is a disc of 25 mm radius.
@@ -114,7 +114,7 @@ def tyre_profile(
     begin, size = 0, _FIRST_BLOCK
     while begin < len(path):
         block = slice(begin, min(begin + size, len(path)))
-        distributions = distributions_along(gather, path.part(block.start, block.stop), level=level)
+        distributions = distributions_along(gather, path[block], level=level)
         height[block], sd[block] = statistic.estimate(distributions)
         count[block] = distributions.count
         begin, size = block.stop, _next_size(distributions)
@@ -142,7 +142,7 @@ def tyre_profile(
     return profile.assign_attrs(thin=int(is_thin.sum()))
 
 
-def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
+def point_profile(ground: Ground, path: PlaneCurve) -> xr.Dataset:
     """Profile of the bare line: the height under a point contact, with every stone and joint.
 
     For comparison with tyre profiles, and for instruments that measure a line.
@@ -151,7 +151,7 @@ def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
     ----------
     ground : xarray.Dataset
         Surface; its height between the nodes is bilinear.
-    path : WheelPath
+    path : PlaneCurve
         Path points.
 
     Returns
@@ -198,7 +198,7 @@ def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
 
 
 def height_distributions(
-    ground: Ground, path: WheelPath, *, area: SearchArea = Disc(), level: bool = False
+    ground: Ground, path: PlaneCurve, *, area: SearchArea = Disc(), level: bool = False
 ) -> HeightDistributions:
     """Distributions of heights (CPF) inside the search area of each path point.
 
@@ -208,7 +208,7 @@ def height_distributions(
     ----------
     ground : xarray.Dataset or iterable of xarray.Dataset
         Surface, Points, or blocks of Points in any order.
-    path : WheelPath
+    path : PlaneCurve
         Path points.
     area : Disc, Ellipse or Rectangle
         Search area around each path point.
@@ -237,7 +237,7 @@ def height_distributions(
 
 
 def _prepare_ground(
-    ground: Ground, path: WheelPath, area: SearchArea
+    ground: Ground, path: PlaneCurve, area: SearchArea
 ) -> tuple[xr.Dataset, Gatherer]:
     """Return the dataset whose attributes describe the ground, and its gatherer."""
     _require_path(path)
@@ -257,8 +257,8 @@ def _prepare_ground(
 
 def _require_path(path: object) -> None:
     # kernels do not check the arrays of a path
-    if not isinstance(path, WheelPath):
-        message = f"path must be a WheelPath, after the ground, got {type(path).__name__}."
+    if not isinstance(path, PlaneCurve):
+        message = f"path must be a PlaneCurve, after the ground, got {type(path).__name__}."
         raise TypeError(message)
 
 
@@ -269,7 +269,7 @@ def _next_size(distributions: HeightDistributions) -> int:
 
 
 def _report_thin(
-    path: WheelPath,
+    path: PlaneCurve,
     count: np.ndarray,
     is_thin: np.ndarray,
     area: SearchArea,
@@ -296,7 +296,7 @@ def _report_thin(
     )
 
 
-def _station_text(path: WheelPath, index: int) -> str:
+def _station_text(path: PlaneCurve, index: int) -> str:
     return (
         f"s = {path.s[index]:.3f} m (easting {path.easting[index]:.3f} m, "
         f"northing {path.northing[index]:.3f} m)"

@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import xarray as xr
 
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.geometry.path import WheelPath
+from trueterrain.geometry.curve import PlaneCurve
 from trueterrain.profile.area import Disc, Ellipse, Rectangle, SearchArea
 from trueterrain.profile.envelope import (
     Envelope,
@@ -244,7 +244,7 @@ class EnvelopeSettings:
 
 def take_profile(
     ground: Ground,
-    path: WheelPath | None,
+    path: PlaneCurve | None,
     settings: TyreProfileSettings = TyreProfileSettings(),
     *,
     envelope: EnvelopeSettings | None = None,
@@ -256,7 +256,7 @@ def take_profile(
     ----------
     ground : xarray.Dataset or iterable of xarray.Dataset
         Surface or points; with `envelope` a surface or a profile.
-    path : WheelPath or None
+    path : PlaneCurve or None
         Path; None along a profile.
     settings : TyreProfileSettings
         Search area, statistic and treatment of thin places.

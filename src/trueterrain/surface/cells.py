@@ -3,7 +3,7 @@
 The cell of a node reaches half a spacing to either side, also for nodes at the edge.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -13,7 +13,8 @@ import xarray as xr
 from scipy.spatial import KDTree
 
 from trueterrain.core.schemas import make_surface
-from trueterrain.geometry.grid_frame import Floats, GridFrame, grid_frame, xy_to_uv
+from trueterrain.geometry.curve import curve_of_points
+from trueterrain.geometry.grid_frame import Floats, GridFrame, xy_to_uv
 from trueterrain.geometry.reference_line import ReferenceLine, require_millimetres
 
 _MAX_NODES = 500_000_000  # of 60 bytes each with their sums
@@ -107,8 +108,8 @@ class Grid:
             height,
             u=self.u,
             v=self.v,
-            easting=line.easting,
-            northing=line.northing,
+            easting=line.curve.easting,
+            northing=line.curve.northing,
             elevation=line.elevation,
             crs=crs,
             **cells,
@@ -135,31 +136,16 @@ class Grid:
     def frame(self) -> GridFrame:
         """Frame of the cells: one chord more at either end, half a spacing more across."""
         along, across = self.spacing
-        u = np.concatenate([[self.u[0] - along], self.u, [self.u[-1] + along]])
         v = np.array([self.v[0] - 0.5 * across, self.v[-1] + 0.5 * across])
+        u = np.concatenate([[self.u[0] - along], self.u, [self.u[-1] + along]])
         if self.line is None:
-            zero, one = np.zeros(u.size), np.ones(u.size)
-            return GridFrame(
-                u=u,
-                v=v,
-                origin_easting=u,
-                origin_northing=zero,
-                normal_easting=zero,
-                normal_northing=one,
-            )
-        x, y = (
-            np.concatenate([[2 * at[0] - at[1]], at, [2 * at[-1] - at[-2]]])
-            for at in (self.line.easting, self.line.northing)
-        )
-        flat = make_surface(np.zeros((u.size, 2)), u=u, v=v, easting=x, northing=y)
-        return grid_frame(flat)
+            return GridFrame(curve=curve_of_points(u, u, np.zeros(u.size)), v=v)
+        return GridFrame(curve=replace(self.line.curve.extend(1), s=u), v=v)
 
     @cached_property
     def strips(self) -> "GridStrips":
         """Nodes and cross directions of `frame`, and geometry of the strips between nodes."""
-        frame = self.frame
-        x, y = frame.origin_easting, frame.origin_northing
-        nx, ny = frame.normal_easting, frame.normal_northing
+        _, x, y, nx, ny = self.frame.sections
         length = np.hypot(np.diff(x), np.diff(y))
         dx, dy = np.diff(x) / length, np.diff(y) / length
         lean = nx[:-1] * dx + ny[:-1] * dy
@@ -227,23 +213,24 @@ def grid_along(
     >>> grid_along(straight_line((0, 0), (5, 0)), right=-1, left=1, spacing=0.02).shape
     (501, 101)
     """
-    step = line.spacing if spacing is None else require_millimetres(spacing, "spacing")
+    curve = line.curve
+    step = curve.spacing if spacing is None else require_millimetres(spacing, "spacing")
     if not (np.isfinite([right, left]).all() and right < left):
         message = f"right must be less than left, got {right} and {left} m."
         raise ValueError(message)
-    _require_size(line.u.size, (left - right) / step + 1)
+    _require_size(len(curve), (left - right) / step + 1)
     v = _whole_multiples(right, left, step)
-    kappa = line.curvature
+    kappa = curve.curvature
     sharp = np.maximum(kappa * (v[0] - 0.5 * step), kappa * (v[-1] + 0.5 * step))
     if (sharp >= 1).any():
         at = int(np.argmax(sharp))
         message = (
             f"the line turns with a radius of {1 / abs(kappa[at]):.3g} m at u = "
-            f"{line.u[at + 1]:.3f} m, so a grid from {right:g} to {left:g} m overlaps itself; "
+            f"{curve.s[at + 1]:.3f} m, so a grid from {right:g} to {left:g} m overlaps itself; "
             "smooth the line or make the grid narrower."
         )
         raise ValueError(message)
-    return Grid(line=line, u=line.u, v=v)
+    return Grid(line=line, u=curve.s, v=v)
 
 
 def grid_over(

@@ -325,14 +325,7 @@ def _at_nodes(surface: xr.Dataset, reference: xr.Dataset) -> Floats:
     difference = np.empty_like(height)
     for start in range(0, height.shape[0], _ROWS):
         rows = slice(start, start + _ROWS)
-        easting, northing = (
-            origin[rows, None] + frame.v * normal[rows, None]
-            for origin, normal in (
-                (frame.origin_easting, frame.normal_easting),
-                (frame.origin_northing, frame.normal_northing),
-            )
-        )
-        difference[rows] = heights_at(surface, easting, northing) - height[rows]
+        difference[rows] = heights_at(surface, *frame.nodes(rows)) - height[rows]
     return difference if along else difference.T
 
 

@@ -99,9 +99,7 @@ def node_coordinates(surface: xr.Dataset) -> tuple[Floats, Floats]:
     >>> node_coordinates(ramp)[1]
     array([[5., 5., 5.], [6., 6., 6.]])
     """
-    frame = grid_frame(surface)
-    easting = frame.origin_easting[:, None] + frame.v * frame.normal_easting[:, None]
-    northing = frame.origin_northing[:, None] + frame.v * frame.normal_northing[:, None]
+    easting, northing = grid_frame(surface).nodes()
     if "u" in surface.dims:
         return easting, northing
     return np.ascontiguousarray(easting.T), np.ascontiguousarray(northing.T)

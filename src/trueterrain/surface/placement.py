@@ -17,6 +17,7 @@ from trueterrain.geometry.reference_line import (
     line_through,
     straight_line,
 )
+from trueterrain.geometry.stations import chord_lengths
 from trueterrain.surface.cells import Grid, grid_along, grid_over
 from trueterrain.surface.pass_record import PassRecord
 
@@ -121,20 +122,15 @@ class GridPlacement:
         grid = grid_along(line, right=right, left=left, spacing=self.across)
         met = _find_self_overlap(grid)
         if met is not None and self.lap:
-            whole = int(np.searchsorted(line.u, met[1])) - 1
-            lap = ReferenceLine(
-                u=line.u[:whole],
-                easting=line.easting[:whole],
-                northing=line.northing[:whole],
-                elevation=line.elevation[:whole],
-            )
+            whole = int(np.searchsorted(line.curve.s, met[1])) - 1
+            lap = ReferenceLine(curve=line.curve[:whole], elevation=line.elevation[:whole])
             return grid_along(lap, right=right, left=left, spacing=self.across)
         if met is not None:
             raise CoverageError(
                 _self_overlap_text(grid, met),
                 path=first.path,
                 place="trajectory of the run",
-                cure=f"Take one lap: end {_time_at(first, met[1] / line.u[-1]):.1f} s (and begin); "
+                cure=f"Take one lap: end {_time_at(first, met[1] / grid.u[-1]):.1f} s (and begin); "
                 "or name the stretch with line or path, or a map with bounds.",
             )
         return grid
@@ -214,13 +210,8 @@ def _find_self_overlap(grid: Grid) -> tuple[float, float] | None:
     every = max(1, int(width / (_STEPS * grid.spacing[0])))
     rows = np.unique(np.append(np.arange(1, frame.u.size - 2, every), frame.u.size - 2))
     # both ends of the cross-sections, and the quadrangles between them, shape (n, corner, axis)
-    ends = np.stack(
-        [
-            frame.origin_easting[rows, None] + grid.v[[0, -1]] * frame.normal_easting[rows, None],
-            frame.origin_northing[rows, None] + grid.v[[0, -1]] * frame.normal_northing[rows, None],
-        ],
-        axis=-1,
-    )
+    _, x, y, nx, ny = (at[rows, None] for at in frame.sections)
+    ends = np.stack([x + grid.v[[0, -1]] * nx, y + grid.v[[0, -1]] * ny], axis=-1)
     parts = np.concatenate([ends[:-1], ends[1:, ::-1]], axis=1)
     station = frame.u[rows]
     size = np.linalg.norm(parts[:, [0, 1]] - parts[:, [2, 3]], axis=-1).max(initial=0.0)
@@ -249,7 +240,7 @@ def _overlap_depth(a: Floats, b: Floats) -> Floats:
 def _time_at(record: PassRecord, fraction: float) -> float:
     """Time at which a fraction of the distance is driven, rounded down to 0.1 s."""
     positions = _scanner_positions(record)
-    driven = np.append(0.0, np.cumsum(np.hypot(*np.diff(positions[:, :2], axis=0).T)))
+    driven = chord_lengths(positions[:, 0], positions[:, 1])
     at = np.interp(fraction * driven[-1], driven, _motion_times(record))
     return float(np.floor(10 * at) / 10)
 
@@ -279,15 +270,10 @@ def _scanner_positions(record: PassRecord) -> npt.NDArray[Any]:
 
 def _lateral_extent(line: ReferenceLine, positions: npt.NDArray[Any]) -> tuple[float, float]:
     """Largest offsets of positions to the right and to the left of a line, at least 0 m."""
-    nodes = np.stack([line.easting, line.northing], axis=1)
-    chord = np.diff(nodes, axis=0)
-    along = np.concatenate([chord, chord[-1:]]) / line.spacing
-    away, nearest = KDTree(nodes).query(positions[:, :2])
-    offset = positions[:, :2] - nodes[nearest]
+    found = line.curve.project(positions[:, 0], positions[:, 1])
     # positions before the start or beyond the end of the line have no offset
-    inside = (nearest > 0) & (nearest < len(nodes) - 1) & np.isfinite(away)
-    v = (along[nearest, 0] * offset[:, 1] - along[nearest, 1] * offset[:, 0])[inside]
-    return float(v.min(initial=0.0)), float(v.max(initial=0.0))
+    offset = found.offset[~found.beyond]
+    return float(offset.min(initial=0.0)), float(offset.max(initial=0.0))
 
 
 def _bounding_box(positions: npt.NDArray[Any]) -> Four:

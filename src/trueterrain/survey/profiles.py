@@ -10,7 +10,7 @@ import xarray as xr
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.schemas import make_profile
 from trueterrain.formats.table import read_waypoints
-from trueterrain.profile import WheelPath, offset_path, straight_path, waypoint_path
+from trueterrain.profile import PlaneCurve, offset_path, straight_path, waypoint_path
 from trueterrain.profile.area import area_flag, area_reach
 from trueterrain.profile.settings import take_profile
 from trueterrain.roughness import IriSettings, flag_profile, iri
@@ -143,7 +143,7 @@ def rate_wheel_paths(
     return pairs
 
 
-def _covered_path(surface: xr.Dataset, settings: ProfilePathSettings) -> WheelPath:
+def _covered_path(surface: xr.Dataset, settings: ProfilePathSettings) -> PlaneCurve:
     """Part of a path under which the surface lies, search areas included."""
     if settings.offset is not None:
         path = offset_path(surface, settings.offset, spacing=settings.spacing)

@@ -155,14 +155,7 @@ def ground_errors(surface: xr.Dataset, truth: TrueHeight) -> dict[str, Any]:
     found = []
     for start in range(0, height.shape[0], _ROWS):
         rows = slice(start, start + _ROWS)
-        easting, northing = (
-            origin[rows, None] + frame.v * normal[rows, None]
-            for origin, normal in (
-                (frame.origin_easting, frame.normal_easting),
-                (frame.origin_northing, frame.normal_northing),
-            )
-        )
-        error = height[rows].values - truth(easting, northing)
+        error = height[rows].values - truth(*frame.nodes(rows))
         found.append(error[np.isfinite(error)])
     return statistics_of(np.concatenate(found))
 

@@ -116,11 +116,11 @@ def path_of_stations(path: ReferencePath) -> PassPath:
     callable
         Easting, northing [m] and heading [rad] as functions of station [m].
     """
-    heading = np.unwrap(path.heading)
+    heading = np.unwrap(path.curve.heading)
 
     def at(station: Floats) -> tuple[Floats, Floats, Floats]:
-        easting, northing = path.at(station)
-        return easting, northing, np.interp(station, path.station, heading)
+        easting, northing = path.curve.position_at(station)
+        return easting, northing, np.interp(station, path.curve.s, heading)
 
     return at
 
@@ -147,7 +147,8 @@ def station_path(cloud: CloudPass, settings: CellSettings) -> ReferencePath:
         return straight
     whole = Overlap(names=(cloud.name, cloud.name), cells=(cells, cells), key=cells.covered)
     try:
-        return centre_reference(whole, spacing=straight.spacing, smoothing=10 * straight.spacing)
+        spacing = straight.curve.spacing
+        return centre_reference(whole, spacing=spacing, smoothing=10 * spacing)
     except CoverageError:
         return straight  # scattered pieces have no centre line
 

@@ -144,12 +144,12 @@ class AreaSums:
         far = float(np.hypot(*area.half_axes))
         self._x, self._y = path.places
         self._width = far + float(np.abs(0.0 if path.lateral is None else path.lateral).max())
-        self._frame = path.frame(self._width + path.spacing, far + path.spacing)
-        n = path.easting.size
-        reach = int(np.ceil(_STRETCH * far / path.spacing)) + 1
+        self._frame = path.frame(self._width + path.curve.spacing, far + path.curve.spacing)
+        n = path.curve.easting.size
+        reach = int(np.ceil(_STRETCH * far / path.curve.spacing)) + 1
         steps = np.arange(-reach, reach + 1)
-        self._steps = steps[:n] if path.closed else steps  # each search area once
-        self._cos, self._sin = np.cos(path.heading), np.sin(path.heading)
+        self._steps = steps[:n] if path.curve.closed else steps  # each search area once
+        self._cos, self._sin = np.cos(path.curve.heading), np.sin(path.curve.heading)
         self._sums: Any = np.zeros((6, n), np.int64)
         self._histograms = SparseSums(1)
 
@@ -165,14 +165,14 @@ class AreaSums:
             u, v = xy_to_uv(self._frame, x, y)
             near = np.flatnonzero(np.abs(v) <= self._width)  # false for NaN
             if near.size:
-                nearest = np.rint(u[near] / self._path.spacing).astype(np.int64)
+                nearest = np.rint(u[near] / self._path.curve.spacing).astype(np.int64)
                 self._add(x[near], y[near], height[near], nearest)
 
     def _add(self, x: Floats, y: Floats, height: Integers, nearest: Integers) -> None:
-        n = self._path.easting.size
+        n = self._path.curve.easting.size
         for step in self._steps:
             k = nearest + step
-            k = k % n if self._path.closed else k
+            k = k % n if self._path.curve.closed else k
             some = np.flatnonzero((k >= 0) & (k < n))
             k = k[some]
             dx, dy = x[some] - self._x[k], y[some] - self._y[k]
@@ -233,9 +233,9 @@ def inside_overlap(overlap: Overlap, path: ReferencePath, area: SearchArea) -> F
     steps = np.arange(-reach, reach + 1)
     easting, northing = path.places
     inside_all = overlap.holds(easting, northing)
-    for begin in range(0, path.easting.size, _FEW):
+    for begin in range(0, path.curve.easting.size, _FEW):
         part = slice(begin, begin + _FEW)
-        x, y, heading = easting[part], northing[part], path.heading[part]
+        x, y, heading = easting[part], northing[part], path.curve.heading[part]
         cos, sin = np.cos(heading), np.sin(heading)
         for column in steps:
             for row in steps:

@@ -73,7 +73,7 @@ def centre_reference(
     >>> from trueterrain.alignment.observations.overlap import occupied_cells, find_overlap
     >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.1), np.arange(0, 4, 0.1)))
     >>> left, right = (occupied_cells(make_points(x, y + by, 0 * x), 0.2) for by in (0.05, 3.05))
-    >>> path = centre_reference(find_overlap(left, right))
+    >>> path = centre_reference(find_overlap(left, right)).curve
     >>> np.round([path.northing.min(), path.northing.max()], 2)
     array([3.5, 3.5])
     """
@@ -113,14 +113,15 @@ def follow_centre(overlap: Overlap, path: ReferencePath, *, length: float = 0.4)
     ReferencePath
         With new ``lateral``; interpolated where there is no overlap.
     """
+    curve = path.curve
     key = part_of_path(overlap, path)
     key = key if key.size else overlap.key
     centre, _ = cross_extent(key, overlap.cell, path, max(length, overlap.cell))
     known = np.isfinite(centre)
-    period = path.length if path.closed else None
+    period = curve.length if curve.closed else None
     lateral = np.zeros(known.size)
     if known.any():
-        lateral = np.interp(path.station, path.station[known], centre[known], period=period)
+        lateral = np.interp(curve.s, curve.s[known], centre[known], period=period)
     return replace(path, lateral=lateral)
 
 
@@ -153,8 +154,8 @@ def overlap_edges(overlap: Overlap, path: ReferencePath) -> OverlapEdges:
         At the reference points, each over a length of one spacing, but at least three cells.
     """
     key = part_of_path(overlap, path)
-    found = cross_extent(key, overlap.cell, path, max(path.spacing, 3 * overlap.cell))
-    return OverlapEdges(path.station, *found)
+    found = cross_extent(key, overlap.cell, path, max(path.curve.spacing, 3 * overlap.cell))
+    return OverlapEdges(path.curve.s, *found)
 
 
 def centre_waypoints(
@@ -192,21 +193,19 @@ def centre_waypoints(
     own = _cells_of_piece(overlap, key, cell)
     for _ in range(_ITERATIONS):
         centre, _ = cross_extent(own, overlap.cell, path, max(fine, 6 * overlap.cell))
-        shift = low_pass(centre, path.spacing, smoothing, closed=closed)
-        east, north = path.at(path.station, shift)
+        shift = low_pass(centre, path.curve.spacing, smoothing, closed=closed)
+        east, north = path.curve.position_at(path.curve.s, shift)
         path = waypoint_reference(east, north, spacing=fine, closed=closed)
+    curve = path.curve
     if closed:
-        return _orient_path(path, closed)
+        return _orient_nodes(curve.easting, curve.northing, closed)
     found = path.locate(*cell_centres(own, overlap.cell))
     inside = found.station[~found.beyond]
     if not inside.size or np.ptp(inside) < 2 * spacing:
         message = f"it is {float(np.ptp(inside)) if inside.size else 0.0:g} m long"
         raise ValueError(message)
-    kept = (path.station >= inside.min()) & (path.station <= inside.max())
-    return _orient_path(
-        ReferencePath(easting=path.easting[kept], northing=path.northing[kept], spacing=fine),
-        closed,
-    )
+    kept = (curve.s >= inside.min()) & (curve.s <= inside.max())
+    return _orient_nodes(curve.easting[kept], curve.northing[kept], closed)
 
 
 def cross_extent(
@@ -232,16 +231,17 @@ def cross_extent(
     """
     found = path.locate(*cell_centres(key, cell))
     station, offset = found.station[~found.beyond], found.offset[~found.beyond]
-    begin, end = path.station - length / 2, path.station + length / 2
-    if path.closed:
-        station = np.concatenate([station - path.length, station, station + path.length])
+    curve = path.curve
+    begin, end = curve.s - length / 2, curve.s + length / 2
+    if curve.closed:
+        station = np.concatenate([station - curve.length, station, station + curve.length])
         offset = np.tile(offset, 3)
     order = np.argsort(station, kind="stable")
     station, sums = station[order], np.append(0.0, np.cumsum(offset[order]))
     first, last = np.searchsorted(station, begin), np.searchsorted(station, end)
     count = last - first
-    if not path.closed:
-        begin, end = np.maximum(begin, 0.0), np.minimum(end, path.length)
+    if not curve.closed:
+        begin, end = np.maximum(begin, 0.0), np.minimum(end, curve.length)
     with np.errstate(invalid="ignore"):
         centre = (sums[last] - sums[first]) / np.where(count, count, np.nan)
     return centre, np.where(count, count * cell**2 / (end - begin), np.nan)
@@ -370,9 +370,8 @@ def _extend_ends(nodes: Floats, by: float) -> Floats:
     return np.concatenate([first[None], nodes, last[None]])
 
 
-def _orient_path(path: ReferencePath, closed: bool) -> tuple[Floats, Floats, bool]:
-    """Orient a path from west to east or south to north; counter-clockwise if closed."""
-    x, y = path.easting, path.northing
+def _orient_nodes(x: Floats, y: Floats, closed: bool) -> tuple[Floats, Floats, bool]:
+    """Orient nodes from west to east or south to north; counter-clockwise if closed."""
     if closed:
         # the shoelace formula: a negative area is clockwise
         reverse = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0

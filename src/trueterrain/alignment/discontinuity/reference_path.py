@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.alignment.discontinuity.path import PathCoordinates, ReferencePath
+from trueterrain.alignment.discontinuity.path import ReferencePath
 from trueterrain.alignment.observations.sparse_sums import Floats
+from trueterrain.geometry.curve import curve_of_points
+from trueterrain.geometry.stations import chord_lengths, require_spacing
 
 __all__ = [
-    "PathCoordinates",
     "ReferencePath",
     "polar_reference",
     "straight_reference",
@@ -48,7 +49,7 @@ def straight_reference(
 
     Examples
     --------
-    >>> straight_reference((0, 0), (1, 0), spacing=0.5).easting
+    >>> straight_reference((0, 0), (1, 0), spacing=0.5).curve.easting
     array([0. , 0.5, 1. ])
     """
     return waypoint_reference([start[0], end[0]], [start[1], end[1]], spacing=spacing)
@@ -86,16 +87,14 @@ def waypoint_reference(
     --------
     >>> angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     >>> ring = waypoint_reference(10 * np.cos(angle), 10 * np.sin(angle), closed=True)
-    >>> ring.length
+    >>> ring.curve.length
     62.83
     """
     from scipy.interpolate import CubicSpline
 
-    if not 0 < spacing < np.inf:
-        message = f"spacing must be greater than 0 m, got {spacing}."
-        raise ValueError(message)
+    require_spacing(spacing)
     nodes = _path_waypoints(easting, northing, closed)
-    s = np.append(0.0, np.cumsum(np.hypot(*np.diff(nodes, axis=0).T)))
+    s = chord_lengths(*nodes.T)
     ends: Any = "periodic" if closed else "not-a-knot"
     if nodes.shape[0] == 2:
         slope = (nodes[1] - nodes[0]) / s[1]
@@ -114,11 +113,9 @@ def waypoint_reference(
     if parts < 1:
         message = f"the path is {arc[-1]:g} m long, shorter than the spacing of {spacing:g} m."
         raise ValueError(message)
-    spacing = arc[-1] / count if closed else spacing
-    at = spline(CubicSpline(arc, fine)(np.minimum(np.arange(count) * spacing, arc[-1])))
-    return ReferencePath(
-        easting=at[:, 0].copy(), northing=at[:, 1].copy(), spacing=float(spacing), closed=closed
-    )
+    station = np.arange(count) * float(arc[-1] / count if closed else spacing)
+    at = spline(CubicSpline(arc, fine)(np.minimum(station, arc[-1])))
+    return ReferencePath(curve=curve_of_points(station, *np.ascontiguousarray(at.T), closed=closed))
 
 
 def polar_reference(
@@ -165,18 +162,16 @@ def polar_reference(
             f"{centre}, {start_angle} and {radius}."
         )
         raise ValueError(message)
-    if not 0 < spacing < np.inf:
-        message = f"spacing must be greater than 0 m, got {spacing}."
-        raise ValueError(message)
+    require_spacing(spacing)
     count = max(round(2 * np.pi * radius / spacing), 8)
     angle = start_angle + (-1 if clockwise else 1) * np.arange(count) * (2 * np.pi / count)
-    return ReferencePath(
-        easting=centre[0] + radius * np.cos(angle),
-        northing=centre[1] + radius * np.sin(angle),
-        spacing=2 * np.pi * radius / count,
+    curve = curve_of_points(
+        np.arange(count, dtype=np.float64) * (2 * np.pi * radius / count),
+        centre[0] + radius * np.cos(angle),
+        centre[1] + radius * np.sin(angle),
         closed=True,
-        centre=(float(centre[0]), float(centre[1])),
     )
+    return ReferencePath(curve=curve, centre=(float(centre[0]), float(centre[1])))
 
 
 def _path_waypoints(easting: npt.ArrayLike, northing: npt.ArrayLike, closed: bool) -> Floats:

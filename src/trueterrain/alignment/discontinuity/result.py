@@ -61,10 +61,10 @@ class StationCorrection:
             Of shape (n,); 0 m at positions that are not finite.
         """
         found = self.path.locate(easting, northing)
-        period = self.path.length if self.path.closed else None
-        height = np.interp(found.station, self.path.station, self.height, period=period)
+        period = self.path.curve.length if self.path.curve.closed else None
+        height = np.interp(found.station, self.path.curve.s, self.height, period=period)
         beyond = found.beyond.copy()
-        if not self.path.closed:
+        if not self.path.curve.closed:
             beyond |= (found.station < self.begin) | (found.station > self.end)
         return CorrectionValues(np.nan_to_num(height, nan=0.0), found.station, beyond)
 

@@ -102,8 +102,8 @@ class PairCells:
         height = self._height - corrections
         merged = (self._count * height).sum(axis=0) / self._count.sum(axis=0)
         found = path.locate(*self.centres)
-        sections = max(int(np.ceil(path.length / length - 1e-9)), 1)
-        section_length = path.length / sections
+        sections = max(int(np.ceil(path.curve.length / length - 1e-9)), 1)
+        section_length = path.curve.length / sections
         section = np.minimum((found.station / section_length).astype(np.int64), sections - 1)
         steps: Any = np.full((2, sections), np.nan)
         for side in (0, 1):

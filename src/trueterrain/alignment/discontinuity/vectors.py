@@ -246,7 +246,7 @@ def discontinuity_vectors(
     factor = _MEDIAN_ERROR if settings.statistic == "median" else 1.0
 
     def smoothed(values: Floats) -> Floats:
-        return low_pass(values, path.spacing, settings.cut_off, closed=path.closed)
+        return low_pass(values, path.curve.spacing, settings.cut_off, closed=path.curve.closed)
 
     if aligned is None:
         smooth = np.stack([smoothed(one) for one in raw])
@@ -254,7 +254,7 @@ def discontinuity_vectors(
         smooth = np.stack([aligned, aligned + smoothed(raw[1] - aligned)])
     return DiscontinuityVectors(
         names=names,
-        station=path.station,
+        station=path.curve.s,
         height=height,
         sd=sd,
         count=count,
@@ -290,7 +290,7 @@ def _require_enough(
     width = float(np.nan_to_num(edges.width[first]))
     where = (
         f"{size} at {bad.sum()} of {gap.size} reference points, first at station "
-        f"{path.station[first]:.2f} m, where it is {width:.2f} m wide"
+        f"{path.curve.s[first]:.2f} m, where it is {width:.2f} m wide"
     )
     if bad is thin:
         raise CoverageError(

@@ -170,7 +170,7 @@ def overlap_map(
     ['left', 'right', 'both']
     """
     begin, end = _station_part(path, part)
-    shown = np.flatnonzero((path.station >= begin) & (path.station <= end))
+    shown = np.flatnonzero((path.curve.s >= begin) & (path.curve.s <= end))
     if not shown.size:
         message = f"part must hold a reference point, got {begin:g} to {end:g} m."
         raise ValueError(message)
@@ -195,8 +195,8 @@ def overlap_map(
     _draw_areas(ax, path, shown, area)
     ax.axis(limits)
     _name_axes(ax, x, y, None)
-    whole = begin <= 0 and end >= path.length
-    place = "" if whole else f", station {begin:g} m to {end:g} m of {path.length:.5g} m"
+    whole = begin <= 0 and end >= path.curve.length
+    place = "" if whole else f", station {begin:g} m to {end:g} m of {path.curve.length:.5g} m"
     canvas.annotate_axes(ax, f"equal scale{place}")
     canvas.legend_above(ax, columns=5)
     return ax
@@ -293,14 +293,15 @@ def _pixel_note(raster: _RasterImage, cell: float) -> str:
 
 
 def _station_part(path: "ReferencePath", part: tuple[float, float] | None) -> tuple[float, float]:
+    length = path.curve.length
     if part is None:
-        centre, half = 0.5 * path.length, 0.5 * _PART
-        return (0.0, path.length) if path.length <= _WHOLE else (centre - half, centre + half)
+        centre, half = 0.5 * length, 0.5 * _PART
+        return (0.0, length) if length <= _WHOLE else (centre - half, centre + half)
     begin, end = part
     if not begin < end:
         message = f"part must be two stations that ascend [m], got {begin} and {end}."
         raise ValueError(message)
-    return max(begin, 0.0), min(end, path.length)
+    return max(begin, 0.0), min(end, length)
 
 
 def _cells_near(
@@ -312,8 +313,9 @@ def _cells_near(
 ) -> Floats:
     """Centres of the cells near a part of the path, shape (2, n)."""
     at = np.stack(cell_centres(key, cell))
-    whole = part[0] <= 0 and part[1] >= path.length
-    for axis, nodes in zip((0, 1), (path.easting[shown], path.northing[shown]), strict=True):
+    whole = part[0] <= 0 and part[1] >= path.curve.length
+    near = path.curve[shown]
+    for axis, nodes in zip((0, 1), (near.easting, near.northing), strict=True):
         margin = np.inf if whole else _MARGIN
         at = at[:, (at[axis] >= nodes.min() - margin) & (at[axis] <= nodes.max() + margin)]
     if whole:
@@ -333,7 +335,8 @@ def _draw_areas(
     from trueterrain.alignment.discontinuity.alignment import SearchDisc
 
     area = area or SearchDisc()
-    ax.plot(path.easting, path.northing, color="black", linewidth=1.3, label="reference path")
+    line = path.curve.easting, path.curve.northing
+    ax.plot(*line, color="black", linewidth=1.3, label="reference path")
     long, wide = (2.0 * half for half in area.half_axes)
     easting, northing = path.places
     picked = shown[
@@ -341,7 +344,7 @@ def _draw_areas(
     ]
     for k in picked:
         style: Any = {
-            "angle": float(np.rad2deg(path.heading[k])),
+            "angle": float(np.rad2deg(path.curve.heading[k])),
             "fill": False,
             "linewidth": 1.4,
             "edgecolor": _REJECTED,
@@ -362,5 +365,5 @@ def _draw_areas(
         markerfacecolor="none",
         markeredgecolor=_REJECTED,
         markeredgewidth=1.4,
-        label=f"{picked.size} of {path.station.size} search areas",
+        label=f"{picked.size} of {path.curve.s.size} search areas",
     )

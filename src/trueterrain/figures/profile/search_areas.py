@@ -8,7 +8,7 @@ import xarray as xr
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.schemas import check_points, check_surface, kind_of
 from trueterrain.figures import canvas
-from trueterrain.profile import Disc, Ellipse, Rectangle, SearchArea, WheelPath
+from trueterrain.profile import Disc, Ellipse, PlaneCurve, Rectangle, SearchArea
 from trueterrain.profile.area import EDGE_TOLERANCE, area_reach
 from trueterrain.surface import node_coordinates
 
@@ -22,7 +22,7 @@ _EDGE = 1.05  # of that half width, so that no dot is cut
 
 def search_area_map(
     ground: xr.Dataset,
-    path: WheelPath,
+    path: PlaneCurve,
     area: SearchArea = Disc(),
     *,
     station: float,
@@ -34,7 +34,7 @@ def search_area_map(
     ----------
     ground : xarray.Dataset
         Surface or Points.
-    path : WheelPath
+    path : PlaneCurve
         Path points.
     area : Disc, Ellipse or Rectangle
         Search area.
@@ -127,7 +127,7 @@ def _inside_area(
     return np.asarray(np.hypot(along / half_along, across / half_across) <= 1)
 
 
-def _draw_areas(ax: "Axes", path: WheelPath, area: SearchArea, index: int) -> None:
+def _draw_areas(ax: "Axes", path: PlaneCurve, area: SearchArea, index: int) -> None:
     """Draw the outline of the search area at the path point, and thin ones of its neighbours."""
     every = max(1, round(_OUTLINES * area.half_axes[0] / (_path_spacing(path) or np.inf)))
     for i in range(index % every, len(path), every):
@@ -163,7 +163,7 @@ def _area_outline(area: SearchArea, east: float, north: float, heading: float, *
     return patches.Ellipse((east, north), along, across, angle=degrees, fill=False, **style)
 
 
-def _draw_path_points(ax: "Axes", path: WheelPath, at: np.ndarray) -> None:
+def _draw_path_points(ax: "Axes", path: PlaneCurve, at: np.ndarray) -> None:
     spacing = 1000 * _path_spacing(path)
     every = f", every {spacing:.4g} mm of arc length" if spacing else ""
     ax.plot(
@@ -180,7 +180,7 @@ def _draw_path_points(ax: "Axes", path: WheelPath, at: np.ndarray) -> None:
     )
 
 
-def _path_spacing(path: WheelPath) -> float:
+def _path_spacing(path: PlaneCurve) -> float:
     """Arc length between two path points [m]; 0 if there is only one."""
     return float(np.diff(path.s[:2]).sum())
 

@@ -7,7 +7,7 @@ import xarray as xr
 
 from trueterrain.core.schemas import check_surface
 from trueterrain.figures import canvas
-from trueterrain.profile import WheelPath
+from trueterrain.profile import PlaneCurve
 from trueterrain.surface import grid_frame, node_coordinates, xy_to_uv
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ Frame = Literal["grid", "ground"]
 def surface_map(
     surface: xr.Dataset,
     *,
-    path: WheelPath | None = None,
+    path: PlaneCurve | None = None,
     frame: Frame = "grid",
     ax: "Axes | None" = None,
 ) -> "Axes":
@@ -35,7 +35,7 @@ def surface_map(
     ----------
     surface : xarray.Dataset
         Surface along a reference line, or over easting and northing.
-    path : WheelPath, optional
+    path : PlaneCurve, optional
         Path to draw.
     frame : {"grid", "ground"}
         Coordinates of a surface along a reference line: (u, v), which straightens the road, or

@@ -7,7 +7,7 @@ import xarray as xr
 
 from trueterrain.core.schemas import check_points
 from trueterrain.figures import canvas
-from trueterrain.profile import WheelPath
+from trueterrain.profile import PlaneCurve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ _FEW = 1000  # points, up to which dots are larger
 def points_map(
     points: xr.Dataset,
     *,
-    path: WheelPath | None = None,
+    path: PlaneCurve | None = None,
     max_points: int = 200_000,
     ax: "Axes | None" = None,
 ) -> "Axes":
@@ -28,7 +28,7 @@ def points_map(
     ----------
     points : xarray.Dataset
         The points.
-    path : WheelPath, optional
+    path : PlaneCurve, optional
         Path to draw.
     max_points : int
         Of more points, one of every n is drawn, which the figure notes.

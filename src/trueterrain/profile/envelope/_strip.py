@@ -7,8 +7,8 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError
+from trueterrain.geometry.curve import PlaneCurve
 from trueterrain.geometry.grid_frame import grid_frame, xy_to_uv
-from trueterrain.geometry.path import WheelPath
 from trueterrain.surface.evaluate import heights_at_uv
 
 Float = npt.NDArray[np.float64]
@@ -51,7 +51,7 @@ class SurfaceLines:
     ----------
     surface : xarray.Dataset
         Surface.
-    path : WheelPath
+    path : PlaneCurve
         Path points.
     offsets : numpy.ndarray, shape (line,)
         Offsets of the lines, left positive [m].
@@ -60,7 +60,7 @@ class SurfaceLines:
     """
 
     def __init__(
-        self, surface: xr.Dataset, path: WheelPath, offsets: Float, step: float | None
+        self, surface: xr.Dataset, path: PlaneCurve, offsets: Float, step: float | None
     ) -> None:
         # converted once, and not for each part of the path; on disk heights are float64 already
         converted = surface["height"].dtype != np.float64

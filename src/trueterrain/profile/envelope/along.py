@@ -8,7 +8,7 @@ from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.progress import Progress, no_progress
 from trueterrain.core.schemas import check_profile, check_surface, kind_of, make_profile
-from trueterrain.geometry.path import WheelPath
+from trueterrain.geometry.curve import PlaneCurve
 from trueterrain.profile.envelope._strip import (
     GroundStrip,
     Integer,
@@ -41,7 +41,7 @@ _MEANING = {
 
 def tyre_envelope(
     ground: Ground,
-    path: WheelPath | None = None,
+    path: PlaneCurve | None = None,
     *,
     tyre: Envelope = RigidDisc(),
     step: float | None = None,
@@ -58,7 +58,7 @@ def tyre_envelope(
     ----------
     ground : xarray.Dataset
         Surface, along a reference line or a map, or a Profile, which is then level across.
-    path : WheelPath, optional
+    path : PlaneCurve, optional
         Path points on a surface, at equal spacing; none with a profile.
     tyre : RigidDisc, TandemCams, RadialSpringTyre, LineLaser or PatchMean
         Tyre model; by default a disc of the size of a passenger car's tyre.
@@ -133,7 +133,7 @@ def tyre_envelope(
 
 def effective_road(
     ground: Ground,
-    path: WheelPath | None = None,
+    path: PlaneCurve | None = None,
     *,
     tyre: Envelope = TandemCams(),
     step: float | None = None,
@@ -184,8 +184,8 @@ def effective_road(
     if kind == "profile" and path is not None:
         message = "path must not be given with a profile, which defines its own path."
         raise ValueError(message)
-    if kind == "surface" and not isinstance(path, WheelPath):
-        message = f"path must be a WheelPath, after the ground, got {type(path).__name__}."
+    if kind == "surface" and not isinstance(path, PlaneCurve):
+        message = f"path must be a PlaneCurve, after the ground, got {type(path).__name__}."
         raise TypeError(message)
     policy = min_cover, thin
     if path is not None:

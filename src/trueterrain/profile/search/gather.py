@@ -17,8 +17,8 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.row_blocks import load_heights, stored_rows
+from trueterrain.geometry.curve import PlaneCurve
 from trueterrain.geometry.grid_frame import GridFrame, grid_frame, xy_to_uv
-from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import EDGE_TOLERANCE, SearchArea, area_reach
 from trueterrain.profile.distribution import HeightDistributions
 from trueterrain.profile.search import _kernels
@@ -37,7 +37,7 @@ Integer = npt.NDArray[np.int64]
 Fill = Callable[..., object]
 
 #: Counts the heights of each path point, and returns a function that writes them.
-Gatherer = Callable[[WheelPath], tuple[Integer, Fill]]
+Gatherer = Callable[[PlaneCurve], tuple[Integer, Fill]]
 
 #: Start and outputs of a kernel that only counts.
 COUNT_ONLY: tuple[Integer, Float, Float, Float] = (
@@ -58,7 +58,7 @@ _BLOCK = 1 << 22  # points filtered at a time
 
 
 def distributions_along(
-    gather: Gatherer, path: WheelPath, *, level: bool = False
+    gather: Gatherer, path: PlaneCurve, *, level: bool = False
 ) -> HeightDistributions:
     """Gather, level if asked, and sort the heights of each path point.
 
@@ -66,7 +66,7 @@ def distributions_along(
     ----------
     gather : Gatherer
         From `grid_gatherer` or `ScatteredHeights.gatherer`.
-    path : WheelPath
+    path : PlaneCurve
         Path points.
     level : bool
         Whether to subtract the slope of the ground inside each search area.
@@ -93,7 +93,7 @@ def kernel_area(area: SearchArea) -> tuple[int, Float, float]:
     return int(area.shape), np.array(area.half_axes) + EDGE_TOLERANCE, area_reach(area)
 
 
-def path_arrays(path: WheelPath) -> tuple[Float, Float]:
+def path_arrays(path: PlaneCurve) -> tuple[Float, Float]:
     """Positions (s, 2) and headings (s,) of a path, as the kernels take them."""
     return np.stack([path.easting, path.northing], axis=1), np.ascontiguousarray(path.heading)
 
@@ -117,12 +117,12 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
         Function that gathers for a part of a path.
     """
     frame = grid_frame(surface)
-    origin = np.stack([frame.origin_easting, frame.origin_northing], axis=1)
-    normal = np.stack([frame.normal_easting, frame.normal_northing], axis=1)
+    _, *lines = frame.sections
+    origin, normal = np.stack(lines[:2], axis=1), np.stack(lines[2:], axis=1)
     dims = ("u", "v") if "u" in surface.dims else ("easting", "northing")
     load = _row_loader(surface, dims)
 
-    def gather(path: WheelPath) -> tuple[Integer, Fill]:
+    def gather(path: PlaneCurve) -> tuple[Integer, Fill]:
         u, _ = xy_to_uv(frame, path.easting, path.northing)
         row = np.searchsorted(frame.u, u, side="right") - 1
         row = np.where(np.isnan(u), -1, np.clip(row, 0, frame.u.size - 2))
@@ -182,29 +182,21 @@ def _reached_rows(origin: Float, normal: Float, at: Float, row: Integer, reach: 
 def _search_scattered(
     frame: GridFrame,
     load: Callable[[slice], Float],
-    path: WheelPath,
+    path: PlaneCurve,
     some: Integer,
     area: SearchArea,
 ) -> tuple[Integer, Fill]:
     """Gather the nodes in some search areas by searching them as scattered points."""
-    some_path = WheelPath(
-        s=path.s[some],
-        easting=path.easting[some],
-        northing=path.northing[some],
-        heading=path.heading[some],
-        length=path.length,
-    )
+    some_path = path[some]
     scattered = ScatteredHeights(some_path, area)
     at, _ = path_arrays(some_path)
     for begin in range(0, frame.u.size, _ROWS):
         cut = slice(begin, begin + _ROWS)
-        origin = np.stack([frame.origin_easting[cut], frame.origin_northing[cut]], axis=-1)
-        normal = np.stack([frame.normal_easting[cut], frame.normal_northing[cut]], axis=-1)
-        ends = np.concatenate([origin + v * normal for v in frame.v[[0, -1]]])
+        easting, northing = frame.nodes(cut)
+        ends = np.stack([easting[:, [0, -1]].ravel(), northing[:, [0, -1]].ravel()], axis=1)
         low, high = ends.min(axis=0) - area_reach(area), ends.max(axis=0) + area_reach(area)
         if ((at >= low) & (at <= high)).all(axis=1).any():
-            nodes = origin[:, None] + frame.v[:, None] * normal[:, None]
-            scattered.add_heights(nodes[..., 0].ravel(), nodes[..., 1].ravel(), load(cut).ravel())
+            scattered.add_heights(easting.ravel(), northing.ravel(), load(cut).ravel())
     return scattered.gatherer()(some_path)
 
 
@@ -213,13 +205,13 @@ class ScatteredHeights:
 
     Parameters
     ----------
-    path : WheelPath
+    path : PlaneCurve
         Path points.
     area : Disc, Ellipse or Rectangle
         Search area.
     """
 
-    def __init__(self, path: WheelPath, area: SearchArea) -> None:
+    def __init__(self, path: PlaneCurve, area: SearchArea) -> None:
         self._area = area
         self._reach = area_reach(area)
         cell = 2.001 * self._reach  # a search area then touches at most four cells
@@ -300,7 +292,7 @@ class ScatteredHeights:
         begin, order = sort_into_cells(cell, self._cell_count)
         points = points[order]
 
-        def gather(path: WheelPath) -> tuple[Integer, Fill]:
+        def gather(path: PlaneCurve) -> tuple[Integer, Fill]:
             at, heading = path_arrays(path)
 
             def run(start: Integer, *output: Float) -> Integer:

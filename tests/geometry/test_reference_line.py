@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from trueterrain.core.errors import CoverageError
+from trueterrain.geometry.curve import polyline_curve
 from trueterrain.geometry.reference_line import (
     ReferenceLine,
     line_from_trajectory,
@@ -20,7 +21,7 @@ ON_CIRCLE = 1e-6  # [m] of a spline through points of a circle 0.2 m apart
 
 
 def chords(line):
-    return np.hypot(np.diff(line.easting), np.diff(line.northing))
+    return np.hypot(np.diff(line.curve.easting), np.diff(line.curve.northing))
 
 
 def circling(radius=20.0, speed=5.0, duration=6.0, noise=0.0):
@@ -42,9 +43,11 @@ def circling(radius=20.0, speed=5.0, duration=6.0, noise=0.0):
 
 def test_a_straight_line_is_straight():
     line = straight_line((2.0, 1.0), (5.0, 5.0), spacing=0.01)
-    assert line.u.size == 501
+    assert line.curve.s.size == 501
     npt.assert_allclose(chords(line), 0.01, rtol=0, atol=CHORD)
-    npt.assert_allclose([line.easting[-1], line.northing[-1]], [5, 5], rtol=0, atol=CHORD)
+    npt.assert_allclose(
+        [line.curve.easting[-1], line.curve.northing[-1]], [5, 5], rtol=0, atol=CHORD
+    )
 
 
 @pytest.mark.parametrize("spacing", [0.005, 0.1])
@@ -53,18 +56,20 @@ def test_chords_through_waypoints_are_equal_and_the_line_runs_through_them(spaci
     x, y = 20 * np.cos(angle), 20 * np.sin(angle)
     line = line_through(x, y, spacing=spacing, elevation=3 * angle)
     npt.assert_allclose(chords(line), spacing, rtol=0, atol=CHORD)
-    npt.assert_allclose(np.hypot(line.easting, line.northing), 20, rtol=0, atol=ON_CIRCLE)
     npt.assert_allclose(
-        line.elevation, 3 * np.arctan2(line.northing, line.easting), rtol=0, atol=1e-6
+        np.hypot(line.curve.easting, line.curve.northing), 20, rtol=0, atol=ON_CIRCLE
     )
-    npt.assert_array_equal(line.u, np.round(np.arange(line.u.size) * spacing, 3))
-    assert line.u[-1] <= 20 * angle[-1] < line.u[-1] + 2 * spacing
+    npt.assert_allclose(
+        line.elevation, 3 * np.arctan2(line.curve.northing, line.curve.easting), rtol=0, atol=1e-6
+    )
+    npt.assert_array_equal(line.curve.s, np.round(np.arange(line.curve.s.size) * spacing, 3))
+    assert line.curve.s[-1] <= 20 * angle[-1] < line.curve.s[-1] + 2 * spacing
 
 
 def test_the_line_of_a_run_follows_its_scanner():
     lever = (-2.0, 0.5, 1.0)
     line = line_from_trajectory(circling(), lever=lever, smoothing=0.5, begin=1.0, end=5.0)
-    radius = np.hypot(line.easting, line.northing - 20)
+    radius = np.hypot(line.curve.easting, line.curve.northing - 20)
     inner = slice(300, -300)
     # smoothing over 0.5 m draws the line in by 0.5² / (2 R)
     npt.assert_allclose(radius[inner], np.hypot(19.5, 2.0), rtol=0, atol=0.5**2 / 20)
@@ -73,14 +78,14 @@ def test_the_line_of_a_run_follows_its_scanner():
 
 def test_noise_of_the_trajectory_makes_no_bends():
     line = line_from_trajectory(circling(noise=0.01), half_width=2.5)
-    assert np.abs(line.curvature).max() * 2.5 < 0.9
+    assert np.abs(line.curve.curvature).max() * 2.5 < 0.9
     npt.assert_allclose(chords(line), 0.01, rtol=0, atol=CHORD)
 
 
 def test_a_sharp_corner_is_smoothed_until_the_grid_fits():
     x, y = np.r_[np.linspace(0, 20, 41), np.full(40, 20.0)], np.r_[np.zeros(41), np.arange(1, 41)]
     line = line_through(x, y, half_width=2.0)
-    assert 0.3 < np.abs(line.curvature).max() * 2.0 < 0.9
+    assert 0.3 < np.abs(line.curve.curvature).max() * 2.0 < 0.9
     assert grid_along(line).shape[1] == 401
 
 
@@ -114,14 +119,18 @@ def test_a_body_at_rest_has_no_line():
         (lambda: grid_over(0, 0, 1e6, 1e6, spacing=0.001), "too large"),
         (
             lambda: ReferenceLine(
-                u=np.zeros(1), easting=np.zeros(1), northing=np.zeros(1), elevation=np.zeros(1)
+                curve=straight_line((0, 0), (1, 0)).curve.part(0, 1), elevation=np.zeros(1)
             ),
-            "at least 2 nodes",
+            "equally spaced, got one point",
         ),
         (
             lambda: ReferenceLine(
-                u=np.zeros(2), easting=np.zeros(3), northing=np.zeros(2), elevation=np.zeros(2)
+                curve=polyline_curve([0, 1, 3], [0, 0, 0]), elevation=np.zeros(3)
             ),
+            "equally spaced, got 1 m to 2 m",
+        ),
+        (
+            lambda: ReferenceLine(curve=straight_line((0, 0), (1, 0)).curve, elevation=np.zeros(2)),
             "finite value for each station",
         ),
     ],

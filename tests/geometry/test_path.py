@@ -13,7 +13,7 @@ from scipy.special import fresnel
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.schemas import make_surface
 from trueterrain.profile import (
-    WheelPath,
+    PlaneCurve,
     arc_path,
     curve_path,
     function_path,
@@ -444,9 +444,9 @@ def test_a_wheel_path_holds_finite_arrays_of_one_shape():
     square = dict.fromkeys(("s", "easting", "northing", "heading"), np.zeros((2, 2)))
     for wrong in (good | {"heading": np.zeros(2)}, square):
         with pytest.raises(ValueError, match=r"must be arrays \(s,\) of one length"):
-            WheelPath(**wrong, length=2.0)
+            PlaneCurve(**wrong, length=2.0)
     with pytest.raises(ValueError, match="northing must hold"):
-        WheelPath(**(good | {"northing": np.full(3, np.nan)}), heading=np.zeros(3), length=2.0)
+        PlaneCurve(**(good | {"northing": np.full(3, np.nan)}), heading=np.zeros(3), length=2.0)
     with pytest.raises(ValueError, match="at least one value"):
         straight_path((0, 0), (1, 0)).part(5, 5)
 

@@ -32,8 +32,8 @@ def wiggly(n=400, **settings):
 
 def brute_force(frame: GridFrame, x, y):
     """Grid coordinates of one point by looking at every strip: nearest reference line wins."""
-    p = np.stack([frame.origin_easting, frame.origin_northing], axis=1)
-    n = np.stack([frame.normal_easting, frame.normal_northing], axis=1)
+    _, *lines = frame.sections
+    p, n = np.stack(lines[:2], axis=1), np.stack(lines[2:], axis=1)
     best = (np.inf, np.nan, np.nan)
     for i in range(frame.u.size - 1):
         chord = p[i + 1] - p[i]
@@ -204,7 +204,7 @@ def test_shapes_broadcast():
 
 def test_a_long_road_needs_no_large_index():
     frame = grid_frame(road(np.full(200_000, 0.7), du=0.1))
-    assert frame._index.bucket_starts.size < 2_000_000
+    assert frame.strips.index.bucket_starts.size < 2_000_000
     u, v = random_points(frame, 1_000)
     npt.assert_allclose(xy_to_uv(frame, *uv_to_xy(frame, u, v))[0], u, rtol=0, atol=1e-8)
 
