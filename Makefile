@@ -41,8 +41,15 @@ test-all: test
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal \
 		-m "slow or hypothesis" --hypothesis-profile thorough
 
+# Tests of kernels with inputs small enough for plain Python, above all the examples in docstrings.
+KERNEL_TESTS := src tests/alignment/test_network_system.py tests/alignment/test_spline.py \
+	tests/georeference/test_calibrate_derivatives.py tests/profile/test_area.py \
+	tests/simulate/test_noise.py tests/simulate/test_shapes.py tests/surface/test_line.py \
+	tests/vehicle/test_contact.py \
+	--deselect src/trueterrain/core/kernels.py::trueterrain.core.kernels.compile_kernel
+
 # First all quick tests; then those of kernels with compilation off, since compiled lines are not
-# seen, and where numbers of 64 bits overflow as they are meant to.
+# seen. There hashes of 64 bits warn that they overflow, as they are meant to.
 coverage: $(INSTALLED)
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not slow" \
 		--cov --cov-report= --cov-fail-under=0
@@ -84,5 +91,5 @@ docs: $(INSTALLED)
 
 clean:
 	rm -rf $(VENV) demo dist docs/_build docs/gallery docs/reference/generated \
-		.coverage .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+		.coverage* .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find src tests benchmarks docs studies -name __pycache__ -prune -exec rm -rf {} +

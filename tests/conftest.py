@@ -95,22 +95,25 @@ def recorded_scene(
         kept.mkdir(parents=True, exist_ok=True)
         runs = [kept / f"{scene.name}-{drive.name}.zarr" for drive in scene.passes]
         with _lock_folder(kept):
-            return (
-                runs if all(run.exists() for run in runs) else record_scene(scene, kept, path=path)
-            )
+            if not all(run.exists() for run in runs):
+                record_scene(scene, kept, path=path)
+        return runs
 
     return record
 
 
 @contextmanager
 def _lock_folder(folder: Path) -> Iterator[None]:
-    """Let one worker at a time work in a folder."""
+    """Let one worker at a time work in a folder; fails if another one holds it for 10 minutes."""
     lock = folder / "lock"
+    deadline = time.monotonic() + 600.0
     while True:
         try:
             lock.mkdir()
             break
         except FileExistsError:
+            if time.monotonic() > deadline:
+                raise
             time.sleep(0.05)
     try:
         yield

@@ -1,6 +1,7 @@
 """Fixtures of the tests of the command line."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -75,3 +76,20 @@ def recorded(tmp_path_factory, recorded_scene):
         (run,) = recorded_scene(read_scene(folder / "scene.toml")[0])
         (folder / run.name).symlink_to(run)
     return folder
+
+
+@pytest.fixture(scope="session")
+def two_lanes(recorded_scene):
+    """Runs of two lanes of 13 m that overlap, with few beams."""
+    from trueterrain.simulate.scene import read_scene
+
+    scene, _ = read_scene("belgian-two-lanes")
+    return recorded_scene(
+        replace(
+            scene,
+            course={"kind": "straight", "length": 13.0},
+            raster=0.01,
+            ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
+            scanner=replace(scene.scanner, beams=200),
+        )
+    )

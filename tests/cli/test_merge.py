@@ -1,7 +1,6 @@
 """The command merge: runs and clouds, their reports, and refused input."""
 
 import json
-from dataclasses import replace
 
 import laspy
 import numpy as np
@@ -11,24 +10,10 @@ import pytest
 import trueterrain as tt
 from trueterrain import formats
 from trueterrain.core.schemas import make_points
-from trueterrain.simulate.scene import read_scene
 
 SEAM = 0.0002  # [m] asked of the network adjustment
 APART = 0.012  # [m] between two clouds
 MEAN_ERROR = 0.0005  # [m] of the mean of thousands of points with 2 mm noise, and of LAZ
-
-
-@pytest.fixture(scope="module")
-def runs(recorded_scene):
-    """Two lanes of 10 m."""
-    scene, _ = read_scene("belgian-two-lanes")
-    scene = replace(
-        scene,
-        course={"kind": "straight", "length": 10.0},
-        raster=0.01,
-        scanner=replace(scene.scanner, beams=240),
-    )
-    return recorded_scene(scene)
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +40,8 @@ def clouds(tmp_path_factory):
     return folder
 
 
-def test_runs_are_merged_and_reported_to_agree(run, runs, tmp_path):
-    finished = run("merge", *runs, "-o", tmp_path / "out", "--spacing", 0.02)
+def test_runs_are_merged_and_reported_to_agree(run, two_lanes, tmp_path):
+    finished = run("merge", *two_lanes, "-o", tmp_path / "out", "--spacing", 0.02)
     assert finished.code == 0, finished.err
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     (seam,) = result["merge"]["seams"]
@@ -73,19 +58,19 @@ def test_runs_are_merged_and_reported_to_agree(run, runs, tmp_path):
     road = tt.open(tmp_path / "out" / "merged.crg")
     assert float(road.v.max() - road.v.min()) > 7.0  # both lanes
     assert (tmp_path / "out" / "report.html").exists()
-    finished = run("merge", *runs, "-o", tmp_path / "out")
+    finished = run("merge", *two_lanes, "-o", tmp_path / "out")
     assert (finished.code, finished.out) == (2, "")
     assert "is not empty" in finished.err
 
 
-def test_a_check_writes_nothing(run, runs, tmp_path):
-    finished = run("merge", *runs, "--check", "--json")
+def test_a_check_writes_nothing(run, two_lanes, tmp_path):
+    finished = run("merge", *two_lanes, "--check", "--json")
     assert finished.code == 1, finished.err
     found = json.loads(finished.out)
     assert not found["agree"]
     assert found["pairs"][0]["p95"] > found["limit"] == 0.002
     assert list(tmp_path.iterdir()) == []
-    finished = run("merge", *runs, "--check", "--limit", 1.0, "-o", tmp_path / "page")
+    finished = run("merge", *two_lanes, "--check", "--limit", 1.0, "-o", tmp_path / "page")
     assert finished.code == 0, finished.err
     assert " agree: 95 %" in finished.out
     names = {path.name for path in (tmp_path / "page").iterdir()}
@@ -187,8 +172,8 @@ def test_invalid_arguments_are_one_line(run, clouds, tmp_path, arguments, part):
     assert not (tmp_path / "out").exists()
 
 
-def test_an_output_is_needed_unless_it_is_a_check(run, runs):
-    finished = run("merge", *runs)
+def test_an_output_is_needed_unless_it_is_a_check(run, two_lanes):
+    finished = run("merge", *two_lanes)
     assert finished.code == 2
     assert "--output" in finished.err
 

@@ -7,27 +7,12 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from trueterrain.simulate.scene import read_scene
 from trueterrain.surface.placement import GridPlacement
 from trueterrain.survey import ProfilePathSettings, RunSettings, run_survey, survey_of
 
 
-@pytest.fixture(scope="module")
-def runs(recorded_scene):
-    """Two short lanes."""
-    scene, _ = read_scene("belgian-two-lanes")
-    scene = replace(
-        scene,
-        course={"kind": "straight", "length": 13.0},
-        raster=0.01,
-        ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
-        scanner=replace(scene.scanner, beams=200),
-    )
-    return recorded_scene(scene)
-
-
-def test_the_commands_init_and_run(run, runs, tmp_path):
-    finished = run("init", "survey", *runs)
+def test_the_commands_init_and_run(run, two_lanes, tmp_path):
+    finished = run("init", "survey", *two_lanes)
     assert finished.code == 0, finished.err
     text = finished.out.replace("spacing = 0.01", "spacing = 0.02")
     (tmp_path / "survey.toml").write_text(text)
@@ -47,9 +32,9 @@ def test_the_commands_init_and_run(run, runs, tmp_path):
     assert run("init", "scene", "kerb", "kerb").code == 2
 
 
-def test_a_profile_of_no_lane_is_exit_code_1(run, runs, tmp_path):
+def test_a_profile_of_no_lane_is_exit_code_1(run, two_lanes, tmp_path):
     """What was found is kept; who called the command sees that something is missing."""
-    text = run("init", "survey", runs[0]).out.replace("spacing = 0.01", "spacing = 0.02")
+    text = run("init", "survey", two_lanes[0]).out.replace("spacing = 0.01", "spacing = 0.02")
     (tmp_path / "survey.toml").write_text(text.replace("offset = 0.75", "offset = 30.0"))
     finished = run("run", tmp_path / "survey.toml", "-o", tmp_path / "out")
     assert finished.code == 1
@@ -59,14 +44,14 @@ def test_a_profile_of_no_lane_is_exit_code_1(run, runs, tmp_path):
 
 
 @pytest.mark.parametrize("threads", ["0", "-1", "70000"])
-def test_threads_are_counted_before_the_work(run, runs, tmp_path, threads):
-    (tmp_path / "survey.toml").write_text(run("init", "survey", runs[0]).out)
+def test_threads_are_counted_before_the_work(run, two_lanes, tmp_path, threads):
+    (tmp_path / "survey.toml").write_text(run("init", "survey", two_lanes[0]).out)
     (tmp_path / "p.csv").write_text("easting,northing,up\n0,0,0\n1,0,0\n")
     for arguments in (
         ["run", tmp_path / "survey.toml", "-o", tmp_path / "out"],
-        ["grid", runs[0], "-o", tmp_path / "o.crg"],
+        ["grid", two_lanes[0], "-o", tmp_path / "o.crg"],
         ["grid", tmp_path / "p.csv", "-o", tmp_path / "o.tif"],
-        ["merge", *runs, "-o", tmp_path / "out"],
+        ["merge", *two_lanes, "-o", tmp_path / "out"],
     ):
         finished = run(*arguments, "--threads", threads)
         assert finished.code == 2, arguments
@@ -76,7 +61,7 @@ def test_threads_are_counted_before_the_work(run, runs, tmp_path, threads):
     assert not (tmp_path / "out").exists()
 
 
-def test_names_that_look_like_mathematics_or_formulas(runs, tmp_path, monkeypatch):
+def test_names_that_look_like_mathematics_or_formulas(two_lanes, tmp_path, monkeypatch):
     """A survey must not fail at its end for a name, nor be drawn under another one."""
     drawn = []
     save = Figure.savefig
@@ -89,10 +74,10 @@ def test_names_that_look_like_mathematics_or_formulas(runs, tmp_path, monkeypatc
     monkeypatch.setattr(Figure, "savefig", saved)
     named = tuple(
         RunSettings(path=str(path), name=name)
-        for path, name in zip(runs, ("$^$", "a$_{b$"), strict=True)
+        for path, name in zip(two_lanes, ("$^$", "a$_{b$"), strict=True)
     )
     survey = survey_of(
-        list(runs),
+        list(two_lanes),
         name="=$^$",
         title="$^$ <b>",
         grid=GridPlacement(spacing=0.02),

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -385,7 +386,9 @@ def test_a_run_without_navigation_where_it_scans_is_refused(runs, survey, tmp_pa
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "sent", [pytest.param(signal.SIGKILL, marks=pytest.mark.slow), signal.SIGTERM]
+)
 def test_a_killed_survey_leaves_nothing_half_written_and_starts_again(runs, tmp_path, sent):
     (tmp_path / "survey.toml").write_text(
         survey_template(
@@ -408,6 +411,7 @@ def test_a_killed_survey_leaves_nothing_half_written_and_starts_again(runs, tmp_
     with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as program:
         while not list(tmp_path.glob(".out.*")):
             assert program.poll() is None
+            time.sleep(0.01)
         os.kill(program.pid, sent)
         program.wait()
     assert program.returncode in (-signal.SIGKILL, 143)

@@ -60,9 +60,9 @@ def seed_key(seed: int) -> np.uint64:
 
 @typed_kernel
 def _hash_cell(seed: np.uint64, salt: int, i: int, j: int) -> np.uint64:
-    return _mix_bits(
-        seed + np.uint64(salt) * _GOLDEN + np.uint64(i) * _STRIDE_I + np.uint64(j) * _STRIDE_J
-    )
+    # by int64, since plain Python refuses a negative number as uint64
+    row, column = np.uint64(np.int64(i)), np.uint64(np.int64(j))
+    return _mix_bits(seed + np.uint64(salt) * _GOLDEN + row * _STRIDE_I + column * _STRIDE_J)
 
 
 @typed_kernel
