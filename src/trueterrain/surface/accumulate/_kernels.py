@@ -54,7 +54,7 @@ def accumulate_scans(
     expansion : coefficients of position and direction, shape (scan * pieces, 3, 9)
     first : first beam of each piece, and the number of beams, shape (piece + 1,)
     beam : powers and products of beam angle and delay, shape (9, beam)
-    returns : `ScanReturns`, of all scans
+    returns : `RangeBlock`, of all scans
     strips : `GridStrips`; there is one node more at either end than the grid has rows
     hint : strip near each scan, shape (scan,). Results do not depend on it unless the line overlaps
         itself

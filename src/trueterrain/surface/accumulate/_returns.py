@@ -32,7 +32,7 @@ COLLECTED = 50_000_000
 _NONE: Any = np.empty((0, 0))
 
 
-class ScanReturns(NamedTuple):
+class RangeBlock(NamedTuple):
     """Stored returns of scans, and the rules that screen them."""
 
     ranges: npt.NDArray[Any]
@@ -396,10 +396,10 @@ class StoredReturns:
         return self if covered.all() else self.of(covered)
 
     @property
-    def arrays(self) -> ScanReturns:
+    def arrays(self) -> RangeBlock:
         """The returns as the loop takes them."""
         screening = self.screening
-        return ScanReturns(
+        return RangeBlock(
             self.ranges,
             self.scale,
             self.missing,
