@@ -12,10 +12,10 @@ from trueterrain.profile import (
     Envelope,
     LineLaser,
     PatchMean,
+    PlaneCurve,
     RadialSpringTyre,
     RigidDisc,
     TandemCams,
-    PlaneCurve,
     offset_path,
     tyre_envelope,
 )

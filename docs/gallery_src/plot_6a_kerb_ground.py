@@ -48,9 +48,9 @@ still = replace(
 
 grid = grid_along(straight_line((6.0, 0.0), (14.0, 0.0), spacing=0.02), right=-0.8, left=0.8)
 ground = {
-    "(b) scanner assumed level and still": grid_runs(
-        [PassRecord(run=run, trajectory=still)], grid
-    )[0],
+    "(b) scanner assumed level and still": grid_runs([PassRecord(run=run, trajectory=still)], grid)[
+        0
+    ],
     "(c) body motion removed": grid_runs([PassRecord(run=run, trajectory=motion)], grid)[0],
 }
 heights = [float(f(s.height)) for s in ground.values() for f in (np.nanmin, np.nanmax)]
