@@ -44,8 +44,10 @@ test-all: test
 # Tests of kernels with inputs small enough for plain Python, above all the examples in docstrings.
 KERNEL_TESTS := src tests/alignment/test_network_system.py tests/alignment/test_spline.py \
 	tests/georeference/test_calibrate_derivatives.py tests/profile/test_area.py \
-	tests/simulate/test_noise.py tests/simulate/test_shapes.py tests/surface/test_line.py \
-	tests/vehicle/test_contact.py \
+	tests/profile/test_envelope_rigid.py tests/profile/test_envelope_springs.py \
+	tests/roughness/test_quarter_car.py tests/simulate/test_noise.py tests/simulate/test_scanner.py \
+	tests/simulate/test_shapes.py tests/surface/test_line.py tests/vehicle/test_contact.py \
+	-k "not (moving_scan or first_intersection or size_of_a_block or mean_of_its_rays)" \
 	--deselect src/trueterrain/core/kernels.py::trueterrain.core.kernels.compile_kernel
 
 # First all quick tests; then those of kernels with compilation off, since compiled lines are not
