@@ -35,7 +35,7 @@ def road():
 def on_disk(monkeypatch):
     """All binary files count as large; blocks have few rows."""
     monkeypatch.setattr("trueterrain.formats.opencrg._read.LARGE", 0)
-    monkeypatch.setattr("trueterrain.formats.opencrg._read._BLOCK", 700)
+    monkeypatch.setattr("trueterrain.core.row_blocks._NODES", 700)
 
 
 @pytest.mark.parametrize("fmt", ["KRBI", "KDBI"])

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
+from trueterrain.core import row_blocks
 from trueterrain.core.errors import OutputError
 from trueterrain.core.schemas import make_surface
 from trueterrain.formats import opencrg
-from trueterrain.formats.opencrg import _blocks, _rules, _stream, _verify, _write
+from trueterrain.formats.opencrg import _rules, _stream, _verify, _write
 from trueterrain.formats.opencrg._holes import patch_surface
 from trueterrain.formats.opencrg._write import blockwise_median
 
@@ -55,7 +56,7 @@ def road(*, even=True, banked=True, sloped=True, edges=True, holes=False, rows=R
 @pytest.fixture
 def small_blocks(monkeypatch):
     """Blocks of 7 cross-sections, so that the surfaces of these tests count as large."""
-    monkeypatch.setattr(_blocks, "_NODES", 7 * COLUMNS)
+    monkeypatch.setattr(row_blocks, "_NODES", 7 * COLUMNS)
     monkeypatch.setattr(_write, "_SAMPLE", 5 * COLUMNS)
 
 
@@ -106,7 +107,7 @@ def test_blocks_do_not_change_a_file(tmp_path, monkeypatch, kind):
         surface = make_surface(surface.height.values, **axes)
     opencrg.write(surface, tmp_path / "one.crg")
     one = opencrg.read(tmp_path / "one.crg")
-    monkeypatch.setattr(_blocks, "_NODES", 1)
+    monkeypatch.setattr(row_blocks, "_NODES", 1)
     opencrg.write(surface, tmp_path / "many.crg")
     assert (tmp_path / "many.crg").read_bytes() == (tmp_path / "one.crg").read_bytes()
     xr.testing.assert_equal(opencrg.read(tmp_path / "many.crg"), one)
@@ -191,7 +192,7 @@ def test_memory(tmp_path, monkeypatch, holes):
     """Writing holds no copy of the heights, reading at most one and a half."""
     surface = road(rows=20_000, holes=holes)
     opencrg.write(road(holes=True), tmp_path / "road.crg")  # imports
-    monkeypatch.setattr(_blocks, "_NODES", 1 << 10)
+    monkeypatch.setattr(row_blocks, "_NODES", 1 << 10)
     monkeypatch.setattr(_write, "_SAMPLE", 1 << 10)
     monkeypatch.setattr(_verify, "_MAX_CELLS", 1 << 10)
     line = sum(surface[name].nbytes for name in ("u", "easting", "northing", "elevation"))
@@ -413,7 +414,7 @@ def test_every_size_is_written(tmp_path, monkeypatch, v, given):
     with monkeypatch.context() as limits:
         limits.setattr(_verify, "_MAX_BYTES", given.draw(st.integers(1, size * noise.size + 1000)))
         limits.setattr(_verify, "_MAX_CELLS", given.draw(st.integers(1, 2 * noise.size)))
-        limits.setattr(_blocks, "_NODES", given.draw(st.integers(1, 2 * noise.size)))
+        limits.setattr(row_blocks, "_NODES", given.draw(st.integers(1, 2 * noise.size)))
         limits.setattr(_write, "_SAMPLE", given.draw(st.integers(1, 2 * noise.size)))
         path = tmp_path / "road.crg"
         if _rules.overlooked_sections(v).any():

@@ -35,7 +35,6 @@ _SINGLE = 1.2e-7  # [1] pycrg holds heights as float32
 _SAME_PLACE = 1e-6  # [m]
 #: Size of the numbers from which on the heights of a binary file stay on disk [bytes].
 LARGE = 64_000_000
-_BLOCK = 1 << 18  # nodes of such a file that are read at once
 
 # pycrg raises errors and logs them, too; without a handler, warnings of the C code are printed
 logging.getLogger("pycrg").addHandler(logging.NullHandler())
@@ -149,12 +148,21 @@ def describe(path: str | Path) -> dict[str, Any]:
     }
 
 
+class _ReferenceLine(NamedTuple):
+    """Reference line of a road: positions, elevation [m] and banking [m/m], without heights."""
+
+    x: Floats
+    y: Floats
+    ref_z: Floats
+    bank: Floats
+
+
 class _StoredSurface(NamedTuple):
     """Contents of a file: header, offsets of the long sections, reference line and numbers."""
 
     header: CrgHeader
     offsets: Floats
-    line: pycrg.CrgGrid
+    line: _ReferenceLine
     numbers: CrgPayload
 
 
@@ -166,20 +174,19 @@ def _load_file(path: Path) -> _StoredSurface:
     numbers = CrgPayload(header, offsets)
     numbers.require_possible()
     v = np.sort(offsets)
-    if not _is_large(header):
-        line = _library_grid(header, header.path)
-        _require_agreement(header, numbers, line, slice(None))
-        return _StoredSurface(header, v, line, numbers)
-    # the library holds a file twice in memory, so it gets both edges of the road alone
-    edges = np.array([0, v.size - 1])
-    line = _line_of_copy(header, edges, v)
-    if line is None:
-        line, edges = _library_grid(header, header.path), np.arange(v.size)
-    _require_agreement(header, numbers, line, edges)
+    grid, kept = None, np.arange(v.size)
+    if _is_large(header):
+        # the library holds a file twice in memory, so it gets both edges of the road alone
+        grid = _grid_of_copy(header, kept[[0, -1]], v)
+        kept = kept if grid is None else kept[[0, -1]]
+    if grid is None:
+        grid = _library_grid(header, header.path)
+    _require_agreement(header, numbers, grid, kept)
+    line = _ReferenceLine(grid.x, grid.y, grid.ref_z, grid.bank)
     return _StoredSurface(header, v, line, numbers)
 
 
-def _line_of_copy(
+def _grid_of_copy(
     header: CrgHeader, kept: npt.NDArray[np.int64], v: Floats
 ) -> pycrg.CrgGrid | None:
     """What the library reads from a copy with some long sections; None if it refuses the copy.
@@ -190,10 +197,10 @@ def _line_of_copy(
         part = Path(folder) / "part.crg"
         copy_sections(header, part, kept, v)
         try:
-            line = _library_grid(header, part)
+            grid = _library_grid(header, part)
         except FormatError:
             return None
-    return line if line.z.shape[1] == kept.size else None
+    return grid if grid.z.shape[1] == kept.size else None
 
 
 def _is_large(header: CrgHeader) -> bool:
@@ -215,19 +222,18 @@ def _library_grid(header: CrgHeader, path: Path) -> pycrg.CrgGrid:
 
 
 def _require_agreement(
-    header: CrgHeader, numbers: CrgPayload, line: pycrg.CrgGrid, sections: Any
+    header: CrgHeader, numbers: CrgPayload, line: pycrg.CrgGrid, sections: npt.NDArray[np.int64]
 ) -> None:
     """Raise unless this package and the ASAM C-API read the same numbers from some long sections.
 
-    Heights of the C-API, which are float32, are replaced by those of the file.
+    Heights of the C-API are float32.
     """
-    shape = numbers.rows, np.arange(numbers.shape[1])[sections].size
+    shape = numbers.rows, sections.size
     same = shape == line.z.shape and abs(line.u[0] - header.start) < _SAME_PLACE
     for rows in row_blocks(numbers.shape) if same else ():
         grid = numbers[rows][1][:, sections]
         near = np.abs(grid - line.z[rows]) <= _SINGLE * np.abs(grid) + 1e-30
         same &= bool((near | (np.isnan(grid) & np.isnan(line.z[rows]))).all())
-        line.z[rows] = grid
     if not same:
         raise FormatError(
             f"the OpenCRG library reads other numbers from it: {line.z.shape[0]} x "
@@ -253,7 +259,7 @@ def _assemble_surface(stored: _StoredSurface) -> xr.Dataset:
     large = _is_large(header)
     surface = make_surface(
         np.broadcast_to(np.nan, heights.shape) if large else heights.read((slice(None),) * 2),
-        u=header.start + header.increment * np.arange(line.u.size),
+        u=header.start + header.increment * np.arange(line.x.size),
         v=v,
         easting=line.x,
         northing=line.y,
@@ -264,7 +270,7 @@ def _assemble_surface(stored: _StoredSurface) -> xr.Dataset:
     if large:
         # these classes of xarray have no type annotations
         lazy = indexing.LazilyIndexedArray(heights)
-        chunks = {"u": max(1, _BLOCK // v.size), "v": v.size}
+        chunks = {"u": next(row_blocks(heights.shape)).stop, "v": v.size}
         surface["height"] = xr.Variable(
             ("u", "v"), lazy, surface["height"].attrs, {"preferred_chunks": chunks}
         )
@@ -294,15 +300,13 @@ class _CrgHeights(BackendArray):
         wanted = np.arange(self.shape[0])[key[0]]
         rows = np.atleast_1d(wanted)
         found = np.empty((rows.size, self.shape[1]))
-        size = max(1, _BLOCK // self.shape[1])
-        for start in range(0, rows.size, size):
-            some = rows[start : start + size]
-            first = int(some.min(initial=0))
-            _, grid = self._stored.numbers[slice(first, int(some.max(initial=0)) + 1)]
-            height = grid[some - first] + line.ref_z[some, None]
+        for block in row_blocks(found.shape):
+            some = rows[block]
+            first = int(some.min())
+            _, grid = self._stored.numbers[slice(first, int(some.max()) + 1)]
+            np.add(grid[some - first], line.ref_z[some, None], out=found[block])
             if self._banked:
-                height += line.bank[some, None] * v
-            found[start : start + size] = height
+                found[block] += line.bank[some, None] * v
         return np.asarray(found.reshape(*wanted.shape, self.shape[1])[..., key[1]])
 
 
