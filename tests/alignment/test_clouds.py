@@ -230,6 +230,7 @@ def test_the_merged_surface_is_more_accurate_than_each_pass(merged):
     assert np.nanstd(median.height.values - truth) < 1e-3  # [m]
 
 
+@pytest.mark.slow
 def test_the_sd_of_the_merged_surface_holds(tmp_path):
     """Against a fixed pass that has no drift."""
     ratios = []
@@ -250,6 +251,7 @@ def test_the_sd_of_the_merged_surface_holds(tmp_path):
     assert 0.9 < np.sqrt(np.nanmean(ratios)) < 1.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("own", "settings", "absolute"),
     [
@@ -320,6 +322,7 @@ def curved(name, *, inside, radius=30.0, seed=3):
     return make_points(r * np.cos(angle), r * np.sin(angle), up, crs="EPSG:2154")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [False, True])
 def test_without_time_corrections_follow_the_station(given, tmp_path):
     """Straight and curved passes; a warning is given, and no time is invented."""

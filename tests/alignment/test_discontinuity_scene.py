@@ -19,6 +19,8 @@ from trueterrain.georeference import georeference
 from trueterrain.motion.trajectory import Trajectory
 from trueterrain.simulate.scene import TruthSettings, read_scene
 
+pytestmark = pytest.mark.slow
+
 SEAM = 1e-3  # [m] what the thesis reaches
 DRIFT = 1.5e-3  # [m] what of a drift of the first order is shorter than the cut-off of 2.5 m
 SPEED = 5.0  # [m/s]

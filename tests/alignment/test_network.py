@@ -190,6 +190,7 @@ def test_without_roll_there_is_no_roll_correction():
     assert found.omitted == ("roll", "east", "north")
 
 
+@pytest.mark.slow
 def test_without_drift_there_is_no_correction():
     """Corrections are within their noise, and the test for drift says so."""
     probabilities = []
@@ -474,6 +475,7 @@ def robust_fit(seed, settings):
     )
 
 
+@pytest.mark.slow
 def test_the_adjustment_converges_whatever_the_errors():
     iterations = [robust_fit(seed, NetworkSettings())[0].iterations for seed in range(150)]
     assert np.median(iterations) < 20

@@ -12,6 +12,8 @@ from trueterrain.georeference import georeference
 from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.simulate.scene import read_scene
 
+pytestmark = pytest.mark.slow
+
 CELLS = CellSettings(size=0.1, scans=0)
 SLOWEST = 8.0  # [m/s] of the passes, which are driven at 10 m/s
 

@@ -249,6 +249,7 @@ def test_a_vehicle_that_stands_still_sees_one_line_of_ground(call, standing):
     assert report["count"]["median"] > 100
 
 
+@pytest.mark.slow
 def test_spacing_finer_than_the_data_leaves_nodes_that_are_counted(call, recorded):
     """Beams 10 mm apart, scans 5 mm apart, nodes 2 mm apart."""
     finished, report = call("grid", recorded, spacing=0.002)

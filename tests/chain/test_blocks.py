@@ -56,6 +56,7 @@ def long_run(tmp_path_factory):
     return PassRecord(run=path, trajectory=trajectory)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [GridSettings(), GridSettings(statistic="minimum"), GridSettings(statistic="median")],

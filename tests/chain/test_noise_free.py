@@ -40,6 +40,8 @@ from trueterrain.surface import (
 )
 from trueterrain.verify import exact_trajectory
 
+pytestmark = pytest.mark.slow
+
 TRUE = 1e-4  # [m] asked for; ranges are stored in steps of as much
 BEND = 5e-4  # [m] second difference of the heights of nodes that are smooth
 SPACING = 0.01  # [m]

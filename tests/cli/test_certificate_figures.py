@@ -39,6 +39,8 @@ from ._certificate import (
     slug,
 )
 
+pytestmark = pytest.mark.slow
+
 SUM = 1e-12  # [m] rounding of sums of some thousand terms
 FLAT = 5e-3  # fraction by which costs of shifts 10 um from the minimum may be less: upright faces
 SPECTRUM = 1e-9  # [1] relative

@@ -66,6 +66,7 @@ def test_a_file_name_that_is_not_unicode_is_escaped(monkeypatch):
     assert rb"gr\udcfcn.erd: No such file" in stream.buffer.getvalue()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_a_full_disk_behind_a_stream_is_one_line_without_a_message_at_exit(stream):
     """As with `trueterrain --version > /dev/full`; python itself would exit with 120."""

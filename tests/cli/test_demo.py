@@ -95,6 +95,7 @@ def test_bad_arguments_are_one_line_and_leave_nothing(run, tmp_path, options, pa
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_nothing_is_left_when_it_is_stopped(tmp_path, sent, code):
     arguments = [sys.executable, "-m", "trueterrain", "demo", "-o", str(tmp_path / "demo")]

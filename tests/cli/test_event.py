@@ -135,6 +135,7 @@ def test_one_side_shakes_roll(run):
     assert document["cut_list"][0]["count"] == 2 * document["design"]["number"]
 
 
+@pytest.mark.slow
 def test_files(run, tmp_path):
     folder = tmp_path / "event"
     finished = run("event", "design", "--vehicle", "van", "-o", folder)

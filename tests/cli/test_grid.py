@@ -37,6 +37,7 @@ def recorded(recorded_scene):
     return path, set_stage(scene)
 
 
+@pytest.mark.slow
 def test_a_run_becomes_points_in_its_frame_and_in_a_map(run, recorded, tmp_path):
     path, _ = recorded
     finished = run("georeference", path, "-o", tmp_path / "local.laz", "--json")
@@ -266,6 +267,7 @@ def test_inputs_that_do_not_fit_are_one_line(run, recorded, tmp_path):
 # --- Zarr stores ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_becomes_points_in_a_store_and_these_a_surface(run, recorded, tmp_path):
     """The same points as in LAZ, but for its steps; and the same surface from either."""
     path, _ = recorded

@@ -11,6 +11,8 @@ import trueterrain as tt
 from trueterrain import formats
 from trueterrain.core.schemas import make_points
 
+pytestmark = pytest.mark.slow
+
 SEAM = 0.0002  # [m] asked of the network adjustment
 APART = 0.012  # [m] between two clouds
 MEAN_ERROR = 0.0005  # [m] of the mean of thousands of points with 2 mm noise, and of LAZ

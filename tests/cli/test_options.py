@@ -115,6 +115,7 @@ def test_every_command_is_called():
     assert not any(numeric_options(command) for command in NO_NUMBERS)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("command", CALLS)
 def test_no_number_ends_in_a_traceback(run, command, folder, tmp_path, monkeypatch):

@@ -119,6 +119,7 @@ def test_a_device_is_never_replaced(run, project, tmp_path):
     assert (tmp_path / "pipe.erd").is_fifo()
 
 
+@pytest.mark.slow
 def test_a_result_goes_into_the_folder_that_one_is_in(run, tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     monkeypatch.chdir(tmp_path / "out")

@@ -190,6 +190,7 @@ def without_a_chunk(copy):
     next((copy / "scans" / "range").glob("c.*")).unlink()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damage", "problem"),
     [

@@ -11,6 +11,7 @@ from trueterrain.surface.placement import GridPlacement
 from trueterrain.survey import ProfilePathSettings, RunSettings, run_survey, survey_of
 
 
+@pytest.mark.slow
 def test_the_commands_init_and_run(run, two_lanes, tmp_path):
     finished = run("init", "survey", *two_lanes)
     assert finished.code == 0, finished.err
@@ -32,6 +33,7 @@ def test_the_commands_init_and_run(run, two_lanes, tmp_path):
     assert run("init", "scene", "kerb", "kerb").code == 2
 
 
+@pytest.mark.slow
 def test_a_profile_of_no_lane_is_exit_code_1(run, two_lanes, tmp_path):
     """What was found is kept; who called the command sees that something is missing."""
     text = run("init", "survey", two_lanes[0]).out.replace("spacing = 0.01", "spacing = 0.02")
@@ -61,6 +63,7 @@ def test_threads_are_counted_before_the_work(run, two_lanes, tmp_path, threads):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_names_that_look_like_mathematics_or_formulas(two_lanes, tmp_path, monkeypatch):
     """A survey must not fail at its end for a name, nor be drawn under another one."""
     drawn = []

@@ -45,6 +45,7 @@ def ranges(path):
     return open_run(path)["scans"]["range"].values
 
 
+@pytest.mark.slow
 def test_each_pass_becomes_a_run(run, scene, runs):
     finished = run("simulate", scene, "-o", runs)
     assert (finished.code, finished.err) == (0, "")
@@ -74,6 +75,7 @@ def test_json_has_the_same_values(run, scene, runs):
     assert back["bytes"] == sum(file.stat().st_size for file in files)
 
 
+@pytest.mark.slow
 def test_the_seed_determines_the_noise(run, scene, tmp_path):
     recorded = {}
     for name, options in {"a": (), "b": (), "c": ("--seed", 1), "d": ("--seed", 2)}.items():
@@ -85,6 +87,7 @@ def test_the_seed_determines_the_noise(run, scene, tmp_path):
     assert (recorded["a"] != recorded["d"]).any()
 
 
+@pytest.mark.slow
 def test_a_pass_alone_is_as_among_all(run, scene, tmp_path):
     run("simulate", scene, "-o", tmp_path / "all")
     finished = run("simulate", scene, "-o", tmp_path / "one", "--pass", "back")
@@ -104,6 +107,7 @@ def test_a_pass_that_is_not_there(run, scene, runs):
     assert not runs.exists()
 
 
+@pytest.mark.slow
 def test_runs_are_not_overwritten_and_nothing_is_driven_before(run, scene, runs, monkeypatch):
     assert run("simulate", scene, "-o", runs, "--pass", "back").code == 0
     before = ranges(runs / "small-back.zarr")
@@ -208,6 +212,7 @@ def test_ready_scenes_are_listed_with_their_titles(run):
     assert two["passes"] == ["left", "right"]
 
 
+@pytest.mark.slow
 def test_a_ready_scene_is_recorded_whole(run, runs):
     """The static plate, 4 s: the calibration of the thesis's section 3.5.1."""
     finished = run("simulate", "static-plate", "-o", runs)

@@ -26,6 +26,7 @@ def static(tmp_path, machined, recorded):
     return config
 
 
+@pytest.mark.slow
 def test_static_certifies_a_standing_scanner(run, static, tmp_path):
     finished = run("verify", "static", static, "-o", tmp_path / "out", "--json")
     assert finished.code == 0, finished.err
@@ -41,6 +42,7 @@ def test_static_certifies_a_standing_scanner(run, static, tmp_path):
     assert json.loads((tmp_path / "out" / "result.json").read_text()) == document
 
 
+@pytest.mark.slow
 def test_every_figure_of_the_certificate_is_recomputed_from_its_files(run, static, tmp_path):
     run("verify", "static", static, "-o", tmp_path / "out")
     page = (tmp_path / "out" / "certificate.html").read_text()
@@ -66,6 +68,7 @@ def test_every_figure_of_the_certificate_is_recomputed_from_its_files(run, stati
     assert "static, RMS, off edges, distance, bias: of no more than" in page
 
 
+@pytest.mark.slow
 def test_static_prints_a_table(run, static, tmp_path):
     finished = run("verify", "static", static, "-o", tmp_path / "out")
     assert re.search(r"test +RMS \[mm\] +off edges +distance +maximum", finished.out)
@@ -74,6 +77,7 @@ def test_static_prints_a_table(run, static, tmp_path):
     assert finished.err.endswith("the certificate; certificate.pdf is for printing\n")
 
 
+@pytest.mark.slow
 def test_dynamic_compares_methods_and_rejects_motion(run, tmp_path, machined, recorded):
     config = tmp_path / "dynamic.toml"
     config.write_text(
@@ -173,6 +177,7 @@ def test_a_missing_run_for_the_instruments_is_one_line_before_any_work(
     assert re.search(r"there is no run .*none\.zarr", message)
 
 
+@pytest.mark.slow
 def test_results_are_overwritten_only_with_force(run, static, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("mine")

@@ -17,6 +17,8 @@ from trueterrain.simulate.body import Wave
 from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import Scene, ScenePass, TruthSettings, Vehicle
 
+pytestmark = pytest.mark.slow
+
 EXACT = {"rtol": 0, "atol": 1e-12}  # [m], [rad], [s] round-off
 QUANTUM = {"rtol": 0, "atol": 0.51e-4}  # [m] half a step of 0.1 mm in which ranges are kept
 ON_GROUND = {"rtol": 0, "atol": 0.9e-4}  # [m] that step, along a beam of 45 degrees and 3 degrees

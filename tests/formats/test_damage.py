@@ -240,6 +240,7 @@ def edit_json(text, rng):
     return json.dumps(document).encode()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FILES)
 def test_damaged_files_give_a_one_line_error_or_are_read(make, kind):
     path = make(kind)
@@ -254,6 +255,7 @@ def test_damaged_files_give_a_one_line_error_or_are_read(make, kind):
     assert found > CASES / 6  # that much is damaged beyond reading, whatever the format
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", STORES)
 def test_damaged_stores_give_a_one_line_error_or_are_read(make, kind):
     path = make(kind)

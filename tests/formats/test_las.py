@@ -82,6 +82,7 @@ def test_points_are_those_of_laspy(strip):
     assert provenance.provenance_steps(points)[-1]["inputs"][0]["name"] == strip.name
 
 
+@pytest.mark.slow
 def test_blocks_give_all_points_in_order(strip):
     whole = las.read(strip)
     blocks = list(las.blocks(strip, size=7001))

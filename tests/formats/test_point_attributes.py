@@ -113,6 +113,7 @@ def test_every_dimension_survives(tmp_path, point_format, ending):
     npt.assert_allclose(written.scales, 0.00025, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STRIPS)
 def test_real_strips_are_copied_without_loss(data, tmp_path, name):
     path = data / "scanning" / "strips" / name

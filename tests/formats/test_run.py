@@ -1054,6 +1054,7 @@ FLAT = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FLAT, ids=lambda kind: "-".join(map(str, kind.values())))
 @pytest.mark.parametrize("cells", [200, 1_000_000])
 def test_flat_files_give_the_run_that_was_written(store, tmp_path, kind, cells, monkeypatch):

@@ -163,6 +163,7 @@ def off_centre():
     return surface.assign_coords(v=surface.v + 8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [closed_loop, hairpin, figure_eight, folded, off_centre, wiggly])
 def test_every_point_is_found_as_by_looking_at_every_strip(make):
     frame = grid_frame(make())

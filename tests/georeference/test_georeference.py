@@ -80,6 +80,7 @@ def beam_by_beam(trajectory, mounting, block):
     return poses.position + poses.rotation.apply(arm)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("span", [0.8e-3, 12e-3])
 def test_motion_within_a_scan_is_that_of_each_beam(span):
     trajectory = moving()
@@ -119,6 +120,7 @@ def test_a_scanner_of_one_beam_is_a_profiler():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["belgian-two-lanes", "oval", "boresight"])
 def test_points_lie_on_the_ground_that_was_scanned(name, record, short_scene):
     scene = short_scene(name)
@@ -135,6 +137,7 @@ def test_points_lie_on_the_ground_that_was_scanned(name, record, short_scene):
     assert worst < STORED
 
 
+@pytest.mark.slow
 def test_points_are_the_same_for_any_size_of_blocks(record, short_scene):
     run, trajectory = record(short_scene("kerb"))
     whole = xr.concat(list(georeference(run, trajectory)), "point", combine_attrs="drop")

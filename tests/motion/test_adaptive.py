@@ -114,6 +114,7 @@ def full_braking(time):
 
 
 # measured ratios (along, across, yaw) as comments, and their bounds, which allow for other seeds
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("knots", "bounds"),
     [
@@ -145,6 +146,7 @@ def test_smoother_than_the_fixed_window_where_the_vehicle_allows_and_never_worse
     assert (compared(knots) < bounds).all()
 
 
+@pytest.mark.slow
 def test_full_braking_is_followed():
     """A step of 5 m/s^2; a window of 2 s, as good at a steady speed, errs by centimetres."""
     knots = knots_of(*STEADY, full_braking)
@@ -157,6 +159,7 @@ def test_full_braking_is_followed():
     assert (compared(knots) < (0.5, 0.25, 0.25)).all()  # 0.29, 0.03, 0.07
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "errors",
     [
@@ -278,6 +281,7 @@ def test_a_wrong_epoch_is_followed_no_more_than_by_the_fixed_window():
     assert errors[0] < errors[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("correlation", [25.0, 3.0, 0.3])
 def test_standard_deviations_are_at_least_those_of_the_drift(correlation):
     """They are navigation's own; smoothing removes fast drift, so errors may be smaller."""

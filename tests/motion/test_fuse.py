@@ -173,6 +173,7 @@ def test_standard_deviations_include_the_drift(excited):
     assert 0.6 < np.sqrt(np.mean(ratios)) < 1.5  # 12 independent values: sd 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["navigation", "zero-phase", "wiener", "rts"])
 @pytest.mark.parametrize("name", ["dynamic-plate-excited", "oval", "bounce"])
 def test_perfect_instruments_give_the_exact_motion(name, method):

@@ -154,6 +154,7 @@ def triweight(at, row, bandwidth):
     return (np.clip(1 - t**2, 0, None) ** 3).sum(axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [3, 15, 80])
 @pytest.mark.parametrize("name", ["norm", "expon", "uniform", "t"])
 def test_the_steepest_height_is_the_highest_mode_of_the_smoothed_density(name, n):

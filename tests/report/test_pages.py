@@ -45,6 +45,7 @@ def test_the_page_of_a_plate_is_a_folder_of_files(tmp_path):
     assert numbers["panels"]["steel"] == design.panels("steel", 10.0)
 
 
+@pytest.mark.slow
 def test_a_page_replaces_files_only_if_asked(event, tmp_path):
     write_event_page(event, tmp_path)
     with pytest.raises(OutputError, match="exists"):

@@ -149,6 +149,7 @@ def test_simulated_roads_are_recovered_within_their_intervals(name, waviness):
     assert rated.road_class.item() == name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [150.0, 1500.0])
 def test_intervals_have_their_stated_coverage(length):
     """Roads of another generator: errors over their sd have an rms of 1, no bias."""

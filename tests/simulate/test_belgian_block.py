@@ -244,6 +244,7 @@ def test_lean_makes_saw_teeth():
     npt.assert_allclose(road.height(middle + away, 0.049), 0.05 * away, rtol=0, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_the_surface_has_no_jumps():
     """Steps of 1 µm: no height may differ more than the steepest slope allows."""
     x = 3.0 + np.arange(1_000_000) * 1e-6

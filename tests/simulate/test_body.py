@@ -107,6 +107,7 @@ def test_between_knots_the_quintic_is_as_good(make):
     npt.assert_allclose(spline(middle), knots.pose[1:-1:2], rtol=0, atol=1e-12)  # [m], [rad]
 
 
+@pytest.mark.slow
 @any_motion
 def test_blocks_of_any_size_are_the_same_bit_for_bit(make):
     moves = make()

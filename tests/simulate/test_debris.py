@@ -76,6 +76,7 @@ def test_stones_need_space():
         Stones(density=100.0, diameter_max=0.11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pattern", ["transverse", "alligator"])
 def test_cracks_reach_their_depth_and_no_deeper(pattern):
     cracks = Cracks(pattern=pattern, spacing=0.5, width=0.008, depth=0.012, meander=0.05, seed=3)
@@ -109,6 +110,7 @@ def test_a_piece_closes_towards_its_end():
     assert np.abs(np.diff(depth)).max() < 0.07 * 0.01  # 10 mm of a taper of 0.2 m, and the grid
 
 
+@pytest.mark.slow
 def test_alligator_cracks_part_the_ground_into_cells_of_the_size_asked_for():
     cracks = Cracks(pattern="alligator", spacing=0.2, width=0.006, meander=0.0, seed=4)
     cells = label(cracks.height(axis[:, None], axis) == 0.0)[1]

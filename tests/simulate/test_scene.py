@@ -98,6 +98,7 @@ def test_a_ready_scene_is_named_as_its_file_and_has_a_title(name):
     assert "schema" not in tomllib.loads(text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", READY)
 def test_a_ready_scene_records_a_run_that_obeys_all_rules(name, tmp_path):
     """Shortened: the first metre, or 0.3 s, few beams, and few waves of a coarse road."""
@@ -197,6 +198,7 @@ def test_the_events_leave_the_plate_free():
     assert np.flatnonzero(cleats).max() * 0.001 > plate["east"] + 0.6
 
 
+@pytest.mark.slow
 def test_the_laps_of_the_oval_overlap_and_lean_inwards():
     scene, _ = read_scene("oval")
     stage = set_stage(replace(scene, ground=few_waves(scene)))
@@ -216,6 +218,7 @@ def test_the_laps_of_the_oval_overlap_and_lean_inwards():
     assert pose[:, 3].min() < -0.03  # the car leans inwards, to its left
 
 
+@pytest.mark.slow
 def test_boresight_passes_cross_the_steps_in_both_directions():
     stage = stage_of("boresight")
     there, back = (laser(stage, drive) for drive in stage.scene.passes)

@@ -22,6 +22,8 @@ from trueterrain.surface.grid import GridSettings, surface_of
 from trueterrain.surface.holes import HoleSettings, fill_holes
 from trueterrain.surface.runs import PassRecord, grid_runs
 
+pytestmark = pytest.mark.slow
+
 TRUE = 1e-4  # [m] surface of a run without noise; ranges are stored in steps of as much
 ROUNDED = STEP  # [m] step of the heights, and the mean of what is left
 

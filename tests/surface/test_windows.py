@@ -109,6 +109,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_windows_of_any_size_give_the_same_surface(passes, planned, case):
     where, options, screening = (*CASES[case], SCREENING)[:3]
@@ -140,6 +141,7 @@ def planned(monkeypatch):
     return plans
 
 
+@pytest.mark.slow
 def test_windows_whose_scans_were_not_guessed_are_worked_again(passes, planned, monkeypatch):
     """Guessed for ranges of 0.1 m: the scanner looks ahead, so other rows are reached."""
     whole, counts = grid_runs(passes[1:], arc(), memory=1 << 40)

@@ -40,6 +40,8 @@ from trueterrain.survey import (
 )
 from trueterrain.verify import truth_of
 
+pytestmark = pytest.mark.slow
+
 FILE = 1e-6  # [m] of a height near 0 as float32 in an OpenCRG file, half a step of the mantissa
 LIFTED = 0.010  # [m] by which a scanner is said to sit higher than it does
 TRUE_IRI = 0.03  # relative change of the IRI of a class B road by 20 mm of range noise per point

@@ -168,6 +168,7 @@ def test_the_place_is_found_wherever_cells_begin():
         assert abs(finding.value) < SURE * finding.sd < 1e-4  # [m]
 
 
+@pytest.mark.slow
 def test_the_dynamic_test_finds_nothing_without_a_fault():
     for seed in range(20):
         found = dynamic_test(driven(seed=seed), machined(), motion(), DYNAMIC)

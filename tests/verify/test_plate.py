@@ -170,6 +170,7 @@ def test_shadow_of_a_rectangle_by_similar_triangles():
     assert_allclose(end - begin, 0.038 * y / (2.0 - 0.05), rtol=0, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_slope_limits_are_those_of_the_virtual_scanner():
     """Triangles of different steepness, beside the angle of the beam: Figs. 3-13 and 3-14."""
     for offset in (0.5, 1.2):

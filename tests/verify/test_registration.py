@@ -48,6 +48,7 @@ def test_a_plate_beside_its_assumed_place_is_named_as_such_not_as_an_error_of_he
     assert found.unregistered > 10 * found.residual
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("stretch", [0.0, 0.004, -0.0065])
 def test_stretch_is_found_on_request(stretch, turned):

@@ -153,6 +153,7 @@ def files_of(path):
     return {p.relative_to(path): p.read_bytes() for p in path.rglob("*") if p.is_file()}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize("size", [7, 100, 450, 5000])
 def test_blocks_of_any_size_make_the_same_store(tmp_path, size):
