@@ -434,6 +434,7 @@ def test_variables_that_not_all_passes_have_are_left_out(tmp_path):
     assert "intensity" not in names[0]
 
 
+@pytest.mark.slow
 def test_points_keep_their_other_variables(tmp_path):
     """Only heights, their sd and a changed number of the pass differ."""
     rng = np.random.default_rng(2)

@@ -161,6 +161,7 @@ def test_levels_are_taken_off(run, surfaces):
     assert abs(json.loads(finished.out)["differences"][0]["mean"]) < 1e-9
 
 
+@pytest.mark.slow
 def test_pictures(run, profiles, surfaces, tmp_path):
     for files in (profiles, surfaces):
         picture = tmp_path / f"{files[0].suffix[1:]}.png"

@@ -90,6 +90,7 @@ def test_a_closed_pipe_of_errors_is_no_failure():
     assert program.wait() == 2
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGPIPE")
 @pytest.mark.parametrize("arguments", [["--help"], ["init", "scene"]])
 def test_a_reader_that_closes_the_pipe_gives_the_code_of_shells(arguments):

@@ -17,6 +17,8 @@ from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scene import read_scene, set_stage
 from trueterrain.surface import node_coordinates
 
+pytestmark = pytest.mark.slow
+
 GROUND = (
     0.002  # [m] rms of heights by default errors of navigation over some metres, one height off
 )

@@ -65,6 +65,7 @@ def test_a_file_without_problems_states_this(run, profile):
     assert "s: m; height: m" in finished.out
 
 
+@pytest.mark.slow
 def test_every_real_file_is_shown(run, data):
     files = [
         *sorted((data / "scanning").rglob("*.la[sz]")),

@@ -10,6 +10,8 @@ import pytest
 from trueterrain import formats
 from trueterrain.core.schemas import make_points, make_profile, make_surface
 
+pytestmark = pytest.mark.slow
+
 # command line behind the words that must be in its error
 REFUSED = [
     ("is an input as well", "convert p.csv -o p.csv"),

@@ -40,6 +40,7 @@ def test_text(run):
         assert part in text, part
 
 
+@pytest.mark.slow
 def test_files(run, tmp_path):
     folder = tmp_path / "plate"
     finished = run("plate", "design", "--cleats", "rectangle", "triangle", "-o", folder)

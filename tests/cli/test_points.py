@@ -71,6 +71,7 @@ def test_only_points_along_the_path_are_warned_of(run, garden, tmp_path):
     assert "high vegetation (5)" in near.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_that_reads_points_can_choose_them(run, garden, tmp_path, command):
     out = tmp_path / "out"

@@ -10,6 +10,8 @@ from matplotlib.text import Text
 from trueterrain.surface.placement import GridPlacement
 from trueterrain.survey import ProfilePathSettings, RunSettings, run_survey, survey_of
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.slow
 def test_the_commands_init_and_run(run, two_lanes, tmp_path):

@@ -60,6 +60,7 @@ def test_each_pass_becomes_a_run(run, scene, runs):
         assert re.fullmatch(said, line)
 
 
+@pytest.mark.slow
 def test_json_has_the_same_values(run, scene, runs):
     finished = run("simulate", scene, "-o", runs, "--json", "--seed", 9)
     document = json.loads(finished.out)
@@ -132,6 +133,7 @@ def test_the_folder_is_made_but_not_the_one_above(run, scene, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "small.toml"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stopped", ["there", "back"])
 def test_ctrl_c_leaves_nothing_half_written(run, scene, runs, monkeypatch, stopped):
     @contextmanager

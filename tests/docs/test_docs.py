@@ -104,6 +104,10 @@ def run_page(page):
         plt.close("all")
 
 
+# pages that record a scene, or make ground of many stones or points
+SLOW = re.compile(r"\$ trueterrain simulate |tt\.ground\.Stones|tt\.point_blocks")
+
+
 @pytest.fixture
 def empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -118,7 +122,7 @@ def empty_folder(tmp_path, monkeypatch):
         pytest.param(
             page,
             id=str(page.relative_to(DOCS)),
-            marks=[pytest.mark.slow] if "$ trueterrain simulate " in page.read_text() else [],
+            marks=[pytest.mark.slow] if SLOW.search(page.read_text()) else [],
         )
         for page in PAGES
     ],

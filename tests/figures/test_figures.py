@@ -511,6 +511,7 @@ def test_numbers_are_typeset():
 # files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["svg", "pdf", "png"])
 def test_the_same_figure_gives_the_same_file(tmp_path, ending):
     starts = {"svg": b"<?xml", "pdf": b"%PDF", "png": b"\x89PNG"}
@@ -594,6 +595,7 @@ def test_a_curved_path_over_the_grid_is_where_the_ground_says():
     npt.assert_allclose(drawn, np.stack([u, v], 1), rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_figures_are_imported_without_matplotlib():
     code = "import sys, trueterrain.figures; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

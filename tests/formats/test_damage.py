@@ -454,6 +454,7 @@ def patched(path, name, at, word):
     return path.with_name(name)
 
 
+@pytest.mark.slow
 def test_oversized_counts_are_refused_in_bounded_memory(make):
     """In a separate process, since some of these files ended the process."""
     flat, layered, store = make("laz, one by one"), make("laz, in layers"), make("surface")

@@ -376,6 +376,7 @@ def test_file_without_points(tmp_path):
 # ---- describing
 
 
+@pytest.mark.slow
 def test_description_agrees_with_laspy(strip):
     summary = las.describe(strip)
     truth = laspy.read(strip)

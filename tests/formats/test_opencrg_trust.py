@@ -187,6 +187,7 @@ def test_surfaces_in_a_zarr_store(tmp_path, small_blocks):
     assert (tmp_path / "disk.crg").read_bytes() == (tmp_path / "memory.crg").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("holes", [False, True])
 def test_memory(tmp_path, monkeypatch, holes):
     """Writing holds no copy of the heights, reading at most one and a half."""
@@ -399,6 +400,7 @@ def sections(draw, most=420):
     return np.round((places - draw(st.integers(0, 2000))) / 1000, 3)
 
 
+@pytest.mark.slow
 @settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(sections(), st.data())
 def test_every_size_is_written(tmp_path, monkeypatch, v, given):

@@ -96,6 +96,7 @@ def require_same(before, after):
             npt.assert_allclose(found, values, err_msg=name, **tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".laz", ".las", ".zarr", ".parquet", ".csv"])
 @pytest.mark.parametrize("point_format", FORMATS)
 def test_every_dimension_survives(tmp_path, point_format, ending):

@@ -323,6 +323,7 @@ def test_longer_ranges_take_four_bytes(tmp_path):
     assert "intensity" not in open_run(path)["scans"]
 
 
+@pytest.mark.slow
 def test_memory_stays_flat_while_a_run_is_written(tmp_path):
     """Fifty times the scans take no more memory."""
 

@@ -82,6 +82,7 @@ def content(path):
     return {file: file.read_bytes() for file in files if file.is_file()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fraction", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_full_disk_is_an_error_and_leaves_the_old_file(tmp_path, name, fraction):

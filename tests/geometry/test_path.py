@@ -210,6 +210,7 @@ def test_curves_work_in_coordinates_of_thousands_of_kilometres():
     assert_allclose(steps, 0.001, rtol=0, atol=UTM_ROUND_OFF)
 
 
+@pytest.mark.slow
 def test_a_curve_with_a_corner_or_a_jump_is_refused_with_the_cure():
     with pytest.raises(ValueError, match=r"not smooth enough .* Give its corners as waypoints"):
         function_path(lambda x: np.abs(x - 0.3), 0.0, 1.0)

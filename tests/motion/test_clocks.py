@@ -92,6 +92,7 @@ def test_the_scale_of_the_accelerometers_from_navigation(bounce):
     assert found.scale_sd[0] < 0.02  # drift of 5 mm in 1 s against a heave of 20 mm for 10 s
 
 
+@pytest.mark.slow
 def test_the_rate_of_a_clock(bounce):
     scene, knots = bounce
     sensors = replace(scene.accelerometers, clock_rate=4e-4)

@@ -134,6 +134,7 @@ def test_stated_noise_is_used(run):
     assert noise.estimated == ()
 
 
+@pytest.mark.slow
 def test_standard_deviations_agree_with_errors(excited):
     """Drift of 0.3 s correlation time: 14 independent values in each of twelve drives.
 
@@ -160,6 +161,7 @@ def test_standard_deviations_agree_with_errors(excited):
     assert_allclose(each, 1.0, rtol=0, atol=0.2)  # 170 independent values: sd 0.06
 
 
+@pytest.mark.slow
 def test_standard_deviations_include_the_drift(excited):
     """Drift is nearly constant over a drive, so errors are compared over several drives."""
     scene, knots = excited

@@ -144,6 +144,7 @@ def test_indices_need_samples_that_resolve_the_waves_of_the_car(kind, index, spa
 ACCURATE = 0.04
 
 
+@pytest.mark.slow
 def test_the_index_is_accurate_up_to_the_stated_spacing():
     step = 0.01
     s = step * np.arange(100_000)

@@ -12,6 +12,8 @@ from scipy.signal import detrend
 
 from trueterrain.simulate.ground import BelgianBlock
 
+pytestmark = pytest.mark.slow
+
 CELL = 0.01  # [m] spacing of the measured grid and of what is compared with it
 LENGTH, WIDTH = 1001, 301  # [1] nodes of the part of the measured grid that has no holes
 RAGGED = 40  # [1] columns at the right edge that have

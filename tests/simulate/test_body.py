@@ -75,6 +75,7 @@ MOTIONS = {
 any_motion = pytest.mark.parametrize("make", MOTIONS.values(), ids=MOTIONS)
 
 
+@pytest.mark.slow
 @any_motion
 def test_rates_and_accelerations_are_derivatives(make):
     moves = make()
@@ -95,6 +96,7 @@ def test_rates_and_accelerations_are_derivatives(make):
         )  # [m/s], [rad/s]
 
 
+@pytest.mark.slow
 @any_motion
 def test_between_knots_the_quintic_is_as_good(make):
     moves = make()

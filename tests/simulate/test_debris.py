@@ -7,6 +7,8 @@ from scipy.ndimage import label
 
 from trueterrain.simulate.ground import Cracks, Plane, Stone, Stones
 
+pytestmark = pytest.mark.slow
+
 CELL = 0.5e-3  # [m] grid on which volumes are summed
 VOLUME = 2e-3  # [1] of the midpoint rule on that grid, for a stone of 20 cells
 axis = (np.arange(4000) + 0.5) * CELL  # [m] 2 m

@@ -64,6 +64,7 @@ def test_no_more_than_half_the_spectrum_at_the_lowest_frequency_remains_below_it
     npt.assert_allclose(density, 0.5 * road.gd(0.1), rtol=2 * BAND, atol=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [0.0, 0.9])
 def test_heights_have_the_spectrum_and_gd_n0(direction):
     road = Road(road_class="B", seed=11)

@@ -14,6 +14,8 @@ from trueterrain.simulate.pose import PoseKnots
 from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import Scene, ScenePass, Standing, TruthSettings
 
+pytestmark = pytest.mark.slow
+
 DURATION = 10.0  # [s]
 BEAMS, RATE = 100, 500.0
 SCANNER = Scanner(beams=BEAMS, rate=RATE, dropouts=0.01, spot_rays=1, floor=0.0)

@@ -13,6 +13,8 @@ from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import TruthSettings, Vehicle, read_scene
 from trueterrain.vehicle import GOLDEN_QUARTER_CAR
 
+pytestmark = pytest.mark.slow
+
 G = 9.80665  # [m/s^2]
 RATE = 2000.0  # [Hz] of the accelerometers
 SPEED = 5.4  # [m/s] of the scene

@@ -329,6 +329,7 @@ def test_a_motion_that_is_too_short_is_refused():
         ScannerStream(PERFECT, Mounting(), Plane(), seed=1).record(standing(), 0, 5.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rays", [3, 5])
 def test_a_spot_is_the_mean_of_its_rays(rays):
     """On rough ground, against the same rays cast one by one."""

@@ -252,6 +252,7 @@ def test_the_laser_sees_the_kerb_and_the_body_falls_by_it():
 # --- templates ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", READY)
 def test_the_template_of_a_ready_scene_is_that_scene(name, tmp_path):
     scene, _ = read_scene(name)

@@ -37,6 +37,7 @@ def numpy_means(points, grid):
         return (total / count).reshape(shape), count.reshape(shape)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CLOUDS)
 def test_measured_clouds_have_the_means_of_numpy(data, name):
     points = las.read(data / "scanning" / "strips" / name)

@@ -88,6 +88,7 @@ def holds(found):
     return np.array([low <= true <= high for (low, high), true in zip(ends, TRUTH, strict=True)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("excitation", [True, False])
 def test_the_two_sweeps_of_the_shaker_procedure(excitation):
     """From 1 and from 6 to 30 Hz, with and without the motion of the shaker recorded."""
@@ -118,6 +119,7 @@ def test_the_peak_of_velocity_is_not_the_mode():
     assert np.ptp(found.ride.frequency_interval) < 0.05
 
 
+@pytest.mark.slow
 def test_intervals_on_roads_cover_the_true_modes():
     """40 estimates: their errors are as large as stated, and 95 % intervals hold most of them."""
     scores, inside = [], []

@@ -134,6 +134,7 @@ def test_file_is_read_as_the_profile(tmp_path):
 # --- what a scanner sees
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.0, 0.7, -1.1])
 def test_returns_are_those_of_the_virtual_scanner(offset):
     plate = PlateDesign()
