@@ -17,14 +17,17 @@ import pytest
 import trueterrain as tt
 from trueterrain.core.errors import CoverageError, FormatError, OutputError, SchemaError
 from trueterrain.core.manifest import missing_files
+from trueterrain.core.row_blocks import stored_rows
 from trueterrain.formats.run import open_run
 from trueterrain.formats.run._handle import open_unchecked
+from trueterrain.formats.store import SurfaceStore
 from trueterrain.motion import fuse_motion
 from trueterrain.profile import EnvelopeSettings, TyreProfileSettings, offset_path
 from trueterrain.profile.envelope import tyre_envelope
 from trueterrain.simulate.scene import read_scene, record_scene
+from trueterrain.surface.holes import HoleSettings
 from trueterrain.surface.placement import GridPlacement
-from trueterrain.surface.runs import PassRecord, grid_runs
+from trueterrain.surface.runs import PassRecord, RunGridding, grid_runs
 from trueterrain.survey import (
     MountingOverride,
     OutputSettings,
@@ -423,3 +426,26 @@ def test_a_killed_survey_leaves_nothing_half_written_and_starts_again(runs, tmp_
     subprocess.run(arguments, check=True, capture_output=True)
     assert missing_files(Path(arguments[-1])) == []
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "survey.toml"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("memory", "windows"), [(1 << 28, 1), (1 << 21, 2)])
+def test_a_surface_on_disk_is_that_in_memory(runs, tmp_path, monkeypatch, memory, windows):
+    """Bit for bit, with its report, in one window and in several."""
+    written, write = [], SurfaceStore.write
+
+    def note_write(self, rows, values):
+        if "count" in values:  # a window, not a filled hole
+            written.append(rows)
+        write(self, rows, values)
+
+    monkeypatch.setattr(SurfaceStore, "write", note_write)
+    processed = [tt.survey.process_run(runs[0])]
+    settings = {"holes": HoleSettings(largest=0.05)}
+    whole, report = tt.build_surface(processed, **settings)
+    monkeypatch.setitem(RunGridding.__init__.__kwdefaults__, "memory", memory)
+    stored, same = tt.build_surface(processed, **settings, store=tmp_path / "road.zarr")
+    assert stored_rows(stored) is not None
+    assert len(written) >= windows
+    assert same == report
+    assert stored.load().identical(whole)
