@@ -125,11 +125,6 @@ class SurfaceStore:
             )
         write_summary(store, entries, SurfaceStatistics(template).to_dict())
 
-    @property
-    def chunk(self) -> int:
-        """Rows of a chunk."""
-        return int(self._arrays["height"].chunks[0])
-
     def write(self, rows: slice, values: Mapping[str, Values]) -> None:
         """Write nodes of some rows; whole chunks are fastest, and rows may be written again.
 
